@@ -51,7 +51,7 @@ class Transitions:
 class EffectMotion:
     """A fitted motion on a grid finer than the samples, and its response to small forces.
 
-    ``grid`` (m,) s, of which ``at_samples`` (n,) are the samples used; ``states`` and ``slopes`` (m, s);
+    ``grid`` (m,) s, whose items ``at_samples`` (n,) are the samples used; ``states`` and ``slopes`` (m, s);
     ``values`` of the parameters by name; ``inputs`` (m, i) or None; ``response`` to forces, None where the motion
     forgets its state within a sample interval. ``hold`` says how the inputs vary between the points of the grid.
     """
@@ -124,8 +124,8 @@ def _responses(
 
     ``drawing`` (i, REFINEMENT + 1, s, f) carries a force in an interval back to the state at the beginning of its
     block, where it is added up; ``carried`` (i, s, s) brings that sum to the beginning of the next block, at its first
-    interval, and is zero elsewhere. ``shown`` (n, d, s) is what a change of that state changes in each sample, of which
-    ``ends`` (n,) are the numbers of intervals before it. Forces that do not act (k,) have no response.
+    interval, and is zero elsewhere. ``shown`` (n, d, s) is what a change of that state changes in each sample;
+    ``ends`` (n,) are the numbers of intervals before each sample. Forces that do not act (k,) have no response.
     """
     seen, drawn = np.zeros((len(forces), *shown.shape[:2])), np.zeros(shown.shape[2])
     for k in np.flatnonzero(acts):

@@ -18,9 +18,9 @@ from scipy.signal import find_peaks
 from iris_sysid.errors import FitError
 from iris_sysid.types import Array, Estimate, Trajectory
 
-FEWEST = 5  # samples of a motion
-FEWEST_PEAKS = 3  # two unknowns and one to spare
-MOST_STEPS = 20_000  # evaluations that Levenberg-Marquardt may take
+MIN_SAMPLES = 5  # samples of a motion
+MIN_PEAKS = 3  # two unknowns and one to spare
+MAX_STEPS = 20_000  # evaluations that Levenberg-Marquardt may take
 Known = Mapping[str, Estimate]
 Estimator = Callable[[Trajectory, Known], dict[str, Estimate]]
 
@@ -31,8 +31,8 @@ def used_samples(trajectory: Trajectory, quantity: str) -> tuple[Array, Array]:
     Both (n,).
     """
     used = trajectory.valid & trajectory.mask("motion") if trajectory.segments else trajectory.valid
-    if used.sum() < FEWEST:
-        raise FitError(f"the motion has {int(used.sum())} samples, at least {FEWEST} are needed")
+    if used.sum() < MIN_SAMPLES:
+        raise FitError(f"the motion has {int(used.sum())} samples, at least {MIN_SAMPLES} are needed")
     t_s = trajectory.t_s[used]
     return t_s - t_s[0], trajectory.position[used, trajectory.column(quantity)]
 
@@ -65,8 +65,8 @@ def envelope(trajectory: Trajectory, known: Known, quantity: str = "theta") -> d
     t_s, angle = used_samples(trajectory, quantity)
     away = np.abs(angle - np.mean(angle))
     peaks, _ = find_peaks(away, height=0.2 * float(away.max()), prominence=0.1 * float(away.max()))
-    if peaks.size < FEWEST_PEAKS:
-        raise FitError(f"the motion has {peaks.size} peaks, the envelope needs {FEWEST_PEAKS}; film longer")
+    if peaks.size < MIN_PEAKS:
+        raise FitError(f"the motion has {peaks.size} peaks, the envelope needs {MIN_PEAKS}; film longer")
     start = (float(away[peaks[0]]), 0.05)
     values, stderrs = _levenberg_marquardt(_decay, t_s[peaks], away[peaks], start)
     return {"damping": Estimate(float(values[1]), float(stderrs[1]), "1/s", "fitted", ENVELOPE)}
@@ -189,7 +189,7 @@ def _levenberg_marquardt(
 ) -> tuple[Array, Array]:
     """Values and standard errors for white noise; FitError when it does not converge."""
     try:
-        fitted, covariance = curve_fit(curve, t_s, values, p0=start, method="lm", maxfev=MOST_STEPS)
+        fitted, covariance = curve_fit(curve, t_s, values, p0=start, method="lm", maxfev=MAX_STEPS)
     except RuntimeError as error:
         raise FitError(f"Levenberg-Marquardt does not converge: {error}") from error
     return np.asarray(fitted), np.sqrt(np.diag(covariance))

@@ -186,7 +186,7 @@ class Registry(Mapping[str, Item], Generic[Item]):
         return items
 
     def _item_in(self, module: ModuleType) -> Item | None:
-        """The one item the module defines; None for a module of the package that is no plugin."""
+        """The one item the module defines; None for a module of the package that is not a plugin."""
         items = [value for value in vars(module).values() if isinstance(value, self.item_type)]
         if len(items) > 1:
             raise PluginError(f"{module.__name__} defines {len(items)} items of {self.kind}; one file holds one")
@@ -269,7 +269,7 @@ PHENOMENA: Registry[Phenomenon] = Registry("phenomenon", "iris_sysid.phenomena",
 
 
 def _literal_summary(module: str, item_type: str) -> dict[str, str]:
-    """Name and summary of the item that a plugin file builds, from its source; empty where they are no literals."""
+    """Name and summary of the item that a plugin file builds, from its source; empty where they are not literals."""
     spec = importlib.util.find_spec(module)
     if spec is None or spec.origin is None:
         return {}

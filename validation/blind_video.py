@@ -45,7 +45,7 @@ TRUTHS: Mapping[str, tuple[str, float]] = {
     "rotating-cone": ("phi_rad", 0.24),
     "sliding-cone": ("s_m", 1.0),
 }
-MOST_CHANGE = 0.2  # largest change by an effect, over the motion's range: no swing that friction stops at once
+MAX_CHANGE = 0.2  # largest change by an effect, over the motion's range: no swing that friction stops at once
 ROOM = 5.0  # least ratio of the largest to the smallest detectable size of an effect that can be hidden
 LOST = "dropped-frame"  # the clip lacks one frame; all other effects have the same size in the scene and the library
 OTHERWISE = ("slack-tether", "finite-bob", "velocity-weakening-friction")  # these are other numbers in the scene
@@ -151,7 +151,7 @@ def _detectable(effect: Effect, score: Score, clip: Trajectory, library: int) ->
 def _largest(effect: Effect, fitted: FitResult, clip: Trajectory) -> float:
     """The size above which an effect is no longer a small addition to the motion."""
     change = float(np.max(np.abs(sensitivity(effect, fitted, clip))))
-    return MOST_CHANGE * float(np.ptp(clip.position)) / change if change > 0 else 0.0
+    return MAX_CHANGE * float(np.ptp(clip.position)) / change if change > 0 else 0.0
 
 
 def _size(effect: Effect, detectable: float, largest: float, rng: np.random.Generator) -> float:

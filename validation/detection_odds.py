@@ -32,7 +32,7 @@ from validation.track_verdict import DRAWN, MADE_UP, RENDERED, Recording, record
 
 FILE = ROOT / "trackers" / "detectors" / "_weights.py"
 RIDGE = 0.003  # on the weights, over the number of recordings
-LEAST_PX, OF_WIDTH = 6.0, 640.0  # a body smaller than this in an image so wide is met within this, px
+MIN_PX, OF_WIDTH = 6.0, 640.0  # a body smaller than this in an image so wide is met within this, px
 BINS = (0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 1.0)
 FOLDS = 10
 IN_VIEW = ("free", "held", "edge")
@@ -73,7 +73,7 @@ def on_body(found: Detections, marks: pd.DataFrame, width: int) -> Array:
     """1 for each detection (n,) within a radius of a mark of its frame, else 0."""
     hit = np.zeros(len(found))
     for mark in marks[marks["state"].isin(IN_VIEW)].itertuples():
-        reach = max(float(np.nan_to_num(mark.radius_px)), LEAST_PX * width / OF_WIDTH)
+        reach = max(float(np.nan_to_num(mark.radius_px)), MIN_PX * width / OF_WIDTH)
         hit[(found.frame == mark.frame) & (np.hypot(*(found.xy_px - (mark.x_px, mark.y_px)).T) < reach)] = 1.0
     return hit
 

@@ -22,7 +22,7 @@ from iris_sysid.types import Array, Track, mapped
 ROOT = Path(__file__).parent.parent
 MARKS = ROOT / "tests" / "real_marks"
 DATA = ROOT.parent / "shared" / "data"
-LEAST_PX, OF_WIDTH = 6.0, 640.0  # a body smaller than this in an image so wide is met within this, px
+MIN_PX, OF_WIDTH = 6.0, 640.0  # a body smaller than this in an image so wide is met within this, px
 ENOUGH, TOLERATED = 0.95, 0.05  # share on the body of a clip that is followed; share elsewhere of one that is not wrong
 
 
@@ -114,7 +114,7 @@ def _compare(track: Track, marks: pd.DataFrame, width: int) -> Mapping[str, int]
     xy_px, hand = at_frames(track, marks["frame"].to_numpy())
     tracked = np.isfinite(xy_px[:, 0])
     off_px = np.hypot(*(xy_px - marks[["x_px", "y_px"]].to_numpy()).T)
-    met = off_px <= np.maximum(marks["radius_px"].to_numpy(), LEAST_PX * width / OF_WIDTH)
+    met = off_px <= np.maximum(marks["radius_px"].to_numpy(), MIN_PX * width / OF_WIDTH)
     free, absent, held = (marks["state"].to_numpy() == state for state in ("free", "out", "held"))
     return {
         "free": int(free.sum()),

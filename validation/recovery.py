@@ -10,7 +10,6 @@ import numpy as np
 
 from fitters.models.contact_chain import contact_chain
 from fitters.ode import fit, simulate
-from iris_sysid.benchmark.sources.published import all_values
 from iris_sysid.errors import IrisError
 from iris_sysid.registry import MODELS, PHENOMENA
 from iris_sysid.synthetic import SCENES
@@ -19,6 +18,7 @@ from iris_sysid.synthetic.truth import Truth
 from iris_sysid.types import Estimate, FitResult, OdeModel, Quantity, Segment, Trajectory
 from tests._experiments import EXPERIMENTS, NOISE, clip
 from validation import pages
+from validation.audit.printed import all_values
 
 SIZE = (3840, 2160)  # the benchmark's clips
 NOISE_PX = 0.1  # of a tracked centre; rendered clips of any size give 0.03 to 0.1

@@ -14,7 +14,7 @@ import numpy as np
 from validation.reference_terms import SWINGS, TERMS, Array, Now, Scales
 
 GRAVITY = 9.81
-STEP_RAD, FEWEST_STEPS = 0.25, 100  # largest step, in radians of the motion's own angle; steps of a short clip
+STEP_RAD, MIN_STEPS = 0.25, 100  # largest step, in radians of the motion's own angle; steps of a short clip
 
 
 @dataclass(frozen=True)
@@ -173,7 +173,7 @@ def stepped(rate, t: float, y: Array, h: float, u: tuple[float, float, float]) -
 def steps(step_s: float, clip: Clip, scales: Scales) -> int:
     """How many steps of the method lie between two samples."""
     swing = scales.omega * step_s / STEP_RAD
-    short = step_s / (clip.t[-1] - clip.t[0]) * FEWEST_STEPS
+    short = step_s / (clip.t[-1] - clip.t[0]) * MIN_STEPS
     return max(1, int(np.ceil(min(max(swing, short), 50))))
 
 

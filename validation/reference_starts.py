@@ -12,8 +12,8 @@ from validation.reference_least_squares import Experiment, Problem
 from validation.reference_motions import GRAVITY, Clip, Motion
 from validation.reference_terms import Array, Scales
 
-MOST, LONG_PERIODS = 600, 3.0  # samples used; periods of the first window of a fit
-PIECE_S, MOST_PIECES = 1.2, 6  # of a driven clip
+MAX_SAMPLES, LONG_PERIODS = 600, 3.0  # samples used; periods of the first window of a fit
+PIECE_S, MAX_PIECES = 1.2, 6  # of a driven clip
 OUTLYING, NORMAL = 8.0, 1.4826  # MAD to standard deviation of a normal
 
 
@@ -26,14 +26,14 @@ def thinned(t: Array, values: Array, u: Array) -> Clip:
     limit = OUTLYING * NORMAL * np.nanmedian(away, axis=0)
     alone = away > np.maximum(limit, 0.02 * np.nanstd(values, axis=0)) + np.abs(values[2:] - values[:-2])
     values[1:-1][alone] = np.nan
-    step = max(1, int(np.ceil(t.size / MOST)))
+    step = max(1, int(np.ceil(t.size / MAX_SAMPLES)))
     inputs = np.convolve(u, np.ones(step) / step, "same") if step > 1 else u
     return Clip(t[::step] - t[0], values[::step], inputs[::step])
 
 
 def pieces(clip: Clip) -> list[Clip]:
     """A clip cut into short ones of equal length: an arm that is driven over the top is not predictable for long."""
-    count = min(max(4, round(clip.t[-1] / PIECE_S)), MOST_PIECES)
+    count = min(max(4, round(clip.t[-1] / PIECE_S)), MAX_PIECES)
     ends = np.linspace(0, clip.t.size, count + 1).astype(int)
     cut = [slice(first, last) for first, last in pairwise(ends)]
     return [Clip(clip.t[each] - clip.t[each][0], clip.values[each], clip.u[each]) for each in cut]

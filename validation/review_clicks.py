@@ -22,7 +22,7 @@ from iris_sysid.review.request import ReviewRequest
 from iris_sysid.review.session import followed
 from iris_sysid.types import Track, TrackMark, TrackOptions
 from iris_sysid.video.reader import open_video
-from validation.real_marks import ENOUGH, LEAST_PX, OF_WIDTH, MarkedClip, at_frames, marked_clips
+from validation.real_marks import ENOUGH, MIN_PX, OF_WIDTH, MarkedClip, at_frames, marked_clips
 
 CLICKS = 5
 
@@ -97,7 +97,7 @@ def _tracked(clip: MarkedClip, marks: pd.DataFrame, request: ReviewRequest) -> S
 def _compared(track: Track | None, rows: pd.DataFrame, width: int) -> pd.DataFrame:
     xy = np.full((len(rows), 2), np.nan) if track is None else at_frames(track, rows["frame"].to_numpy())[0]
     off = np.hypot(*(xy - rows[["x_px", "y_px"]].to_numpy()).T)
-    met = off <= np.maximum(rows["radius_px"].to_numpy(), LEAST_PX * width / OF_WIDTH)
+    met = off <= np.maximum(rows["radius_px"].to_numpy(), MIN_PX * width / OF_WIDTH)
     free, out = (rows["state"].to_numpy() == state for state in ("free", "out"))
     return rows.assign(x=xy[:, 0], y=xy[:, 1], met=met, wrong=(free & ~met) | (out & np.isfinite(xy[:, 0])))
 

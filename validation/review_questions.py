@@ -20,7 +20,7 @@ from iris_sysid.pipeline import track
 from iris_sysid.review.doubtful_frames import FrameQuestion, questions_of
 from iris_sysid.types import Track, TrackOptions
 from iris_sysid.video.reader import open_video
-from validation.real_marks import LEAST_PX, OF_WIDTH, MarkedClip, at_frames, marked_clips
+from validation.real_marks import MIN_PX, OF_WIDTH, MarkedClip, at_frames, marked_clips
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +70,7 @@ def _wrong(body: Track, rows, width: int):
     """Of each mark (n,), whether the track misses the free body, is elsewhere, or shows one that is out of view."""
     xy_px, _ = at_frames(body, rows["frame"].to_numpy())
     off_px = np.hypot(*(xy_px - rows[["x_px", "y_px"]].to_numpy()).T)
-    met = off_px <= np.maximum(rows["radius_px"].to_numpy(), LEAST_PX * width / OF_WIDTH)
+    met = off_px <= np.maximum(rows["radius_px"].to_numpy(), MIN_PX * width / OF_WIDTH)
     free, out = (rows["state"].to_numpy() == state for state in ("free", "out"))
     return (free & ~met) | (out & np.isfinite(xy_px[:, 0]))
 

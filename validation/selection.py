@@ -26,7 +26,6 @@ import pandas as pd
 from fitters.selection.select import select_model
 from iris_sysid.benchmark.dataset import list_clips
 from iris_sysid.benchmark.groundtruth.measure import ClipMeasurement
-from iris_sysid.benchmark.sources.published import values_at
 from iris_sysid.benchmark.studies.model_selection import choice_for
 from iris_sysid.errors import IrisError
 from iris_sysid.io.json_documents import read_document
@@ -36,6 +35,7 @@ from iris_sysid.synthetic.plan import ClipPlan, plan_clip
 from iris_sysid.trajectory.segmentation import segment
 from iris_sysid.types import ModelChoice, Quantity, Trajectory
 from validation import pages
+from validation.audit.printed import values_at
 
 NOISE_PX = 0.05  # of a tracked centre and radius: what the trackers reach on synthetic clips
 SIZE = (1920, 1080)

@@ -8,7 +8,7 @@ import numpy as np
 
 from iris_sysid.types import Array, Parameter
 
-MOST = 0.3  # of the motion's reach: a reading that is farther off is no error of a reading
+MAX_SHARE = 0.3  # of the motion's reach: a reading that is farther off is not an error of a reading
 
 
 def middle_and_reach(t_s: Array, observed: Array) -> list[tuple[float, ...]]:
@@ -51,4 +51,4 @@ def small_part(power: int, t_s: Array, params: Sequence[float]) -> bool:
         Size, middle and reach.
     """
     size, _, reach = params
-    return abs(size) * reach ** (power - 1) < MOST
+    return abs(size) * reach ** (power - 1) < MAX_SHARE

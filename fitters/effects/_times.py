@@ -6,10 +6,10 @@ import numpy as np
 
 from iris_sysid.types import Array, Parameter
 
-FEWEST, MOST = 8, 40
+MIN_SAMPLES, MAX_SAMPLES = 8, 40
 SAMPLES_EACH = 10  # between two moments, unless that makes too many
 WIDTH = 1.0  # frame intervals: sudden for the camera, smooth for the integrator
-FEWEST_RETURNS = 1.5  # cycles in the clip: a parabola less its line has one
+MIN_RETURNS = 1.5  # cycles in the clip: a parabola less its line has one
 ASSUMED_CYCLES = 2.0  # in the clip, of a motion that does not come back
 PADDED = 8  # times as long, so that a frequency is read to an eighth of what the clip resolves
 
@@ -24,7 +24,7 @@ def moments(t_s: Array, observed: Array) -> list[tuple[float, ...]]:
     observed
         (n, d), not used.
     """
-    count = int(np.clip(t_s.size // SAMPLES_EACH, FEWEST, MOST))
+    count = int(np.clip(t_s.size // SAMPLES_EACH, MIN_SAMPLES, MAX_SAMPLES))
     return [(float(when), sudden(t_s)) for when in np.linspace(t_s[0], t_s[-1], count + 2)[1:-1]]
 
 
@@ -70,7 +70,7 @@ def own_rate(t_s: Array, observed: Array) -> float:
     line = np.polynomial.Polynomial.fit(grid, even, 1)
     power = np.abs(np.fft.rfft((even - line(grid)) * np.hanning(grid.size), PADDED * grid.size))
     cycles = float(np.argmax(power)) / PADDED * (span_s / float(grid[-1] - grid[0])) * (grid.size - 1) / grid.size
-    return 2 * np.pi * (cycles if cycles >= FEWEST_RETURNS else ASSUMED_CYCLES) / span_s
+    return 2 * np.pi * (cycles if cycles >= MIN_RETURNS else ASSUMED_CYCLES) / span_s
 
 
 def own_rates(t_s: Array, observed: Array) -> list[tuple[float, ...]]:

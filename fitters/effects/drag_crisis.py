@@ -19,7 +19,7 @@ SLOWEST, FASTEST = 0.25, 0.95  # of the largest speed: below or above, the crisi
 def acceleration(
     t: float, position: float, velocity: float, speed: float, base: float, params: tuple[float, float, float]
 ) -> float:
-    """-c |v| v, of which three quarters are lost above the critical speed, smoothly."""
+    """-c |v| v; three quarters of it are lost above the critical speed, smoothly."""
     drag, critical, _ = params
     beyond = 0.5 * (1.0 + np.tanh((speed - critical) / (2.0 * WIDTH * critical)))
     return -drag * (1.0 - FALL * beyond) * speed * velocity

@@ -37,7 +37,7 @@ EFFECT = Effect(
     applies=applies,
     acceleration=acceleration,
     trials=partial(at_usual_speed, 1.0),
-    alike="quadratic drag, when the speed hardly varies",
+    alike="quadratic drag, when the speed barely varies",
     scaling={"mass": -1.0, "radius": 1.0, "spring": 0.0},
     typical="an amplitude that halves in a minute: 0.023 1/s; in ten seconds: 0.14 1/s",
     example=EffectExample("projectile", size=0.05),

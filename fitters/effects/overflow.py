@@ -55,6 +55,6 @@ EFFECT = Effect(
     acceleration=acceleration,
     alike="leak, when the rim is low",
     trials=trials,
-    typical="what stands above the rim is gone in a second: 1 1/s",
+    typical="the water above the rim is gone in a second: 1 1/s",
     example=EffectExample("torricelli", size=0.05),
 )

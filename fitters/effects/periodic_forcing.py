@@ -10,8 +10,8 @@ from fitters.effects._domain import moves_on_a_line
 from fitters.effects._times import start_parameter
 from iris_sysid.types import Array, Effect, EffectExample, Parameter
 
-FEWEST_CYCLES = 0.8  # in the clip
-MOST_CYCLES = 100.0  # in the clip
+MIN_CYCLES = 0.8  # in the clip
+MAX_CYCLES = 100.0  # in the clip
 SAMPLES_A_CYCLE = 4  # at least
 STEP_CYCLES = 0.5  # between two frequencies; what a clip resolves
 PHASES = (0.0, 0.25 * np.pi, 0.5 * np.pi, 0.75 * np.pi)  # the nearest one explains 85 % of the force, or more
@@ -31,14 +31,14 @@ def trials(t_s: Array, observed: Array) -> list[tuple[float, ...]]:
     ``t_s`` (n,), s; ``observed`` (n, d), in the observed unit.
     """
     span = float(t_s[-1] - t_s[0])
-    cycles = np.arange(1.0, max(min(MOST_CYCLES, t_s.size / SAMPLES_A_CYCLE), 1.5), STEP_CYCLES)
+    cycles = np.arange(1.0, max(min(MAX_CYCLES, t_s.size / SAMPLES_A_CYCLE), 1.5), STEP_CYCLES)
     start = float(t_s[0])
     return [(float(2 * np.pi * count / span), phase, start) for count in cycles for phase in PHASES]
 
 
 def sensible(t_s: Array, params: Sequence[float]) -> bool:
     """Whether the force returns within the clip: a part of a cycle is any slow force. ``t_s`` (n,), s."""
-    return abs(params[1]) * float(t_s[-1] - t_s[0]) > 2 * np.pi * FEWEST_CYCLES
+    return abs(params[1]) * float(t_s[-1] - t_s[0]) > 2 * np.pi * MIN_CYCLES
 
 
 EFFECT = Effect(

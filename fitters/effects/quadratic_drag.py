@@ -32,7 +32,7 @@ EFFECT = Effect(
     applies=moves,
     acceleration=acceleration,
     trials=partial(at_usual_speed, 2.0),
-    alike="linear drag, when the speed hardly varies",
+    alike="linear drag, when the speed barely varies",
     scaling={"mass": -1.0, "radius": 2.0, "length": 1.0, "spring": 0.0},
     typical=(
         "from ρ C_d A / 2m: table-tennis ball 0.13 1/m, tennis ball 0.02 1/m, steel ball of 20 mm 0.003 1/m; on a "

@@ -11,7 +11,7 @@ from fitters.effects._times import own_rate, own_rate_parameter, start_parameter
 from iris_sysid.types import Array, Effect, EffectExample, Parameter
 
 SLOW = 0.7  # of the motion's own frequency; what is faster can be a part of the motion
-FEWEST_CYCLES = 0.4  # in the clip; less is a drift
+MIN_CYCLES = 0.4  # in the clip; less is a drift
 STEP_CYCLES = 0.5  # between two frequencies; what a clip resolves
 FREQUENCIES = 13
 PHASES = (0.0, np.pi / 3, 2 * np.pi / 3)  # the nearest one explains 75 % of the wander, or more
@@ -39,7 +39,7 @@ def trials(t_s: Array, observed: Array) -> list[tuple[float, ...]]:
 def sensible(t_s: Array, params: Sequence[float]) -> bool:
     """Whether it is slower than the motion, and more than a drift. ``t_s`` (n,), s."""
     _, rate, _, _, own = params
-    return 2 * np.pi * FEWEST_CYCLES / float(t_s[-1] - t_s[0]) < abs(rate) < SLOW * own
+    return 2 * np.pi * MIN_CYCLES / float(t_s[-1] - t_s[0]) < abs(rate) < SLOW * own
 
 
 EFFECT = Effect(

@@ -56,8 +56,8 @@ def columns(t, states, params, inputs, out):
     base(t, states, params, inputs, out)
     step(t, states, params[first:], inputs, out)
 """
-MOST_REPLAYS = 3
-# Attribute of a right-hand side of which only numba, not its author, thinks that it can raise (an index that is known
+MAX_REPLAYS = 3
+# Attribute of a right-hand side that only numba, not its author, takes for one that can raise (an index that is known
 # to be one of the tuple): exceptions need no guard, which makes each step several times slower.
 NEVER_RAISES = "never_raises"
 # Attribute of a right-hand side that is another one and a step after it: see followed_by.
@@ -180,7 +180,7 @@ class _Replaying:
 
     def __init__(self, plain: Callable[..., None]) -> None:
         self._plain = plain
-        self._left = MOST_REPLAYS
+        self._left = MAX_REPLAYS
 
     def __call__(self, columns: Any, *arguments: Any) -> None:
         *given, out = arguments

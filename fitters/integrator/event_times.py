@@ -13,7 +13,7 @@ from fitters.integrator.initial_value_problem import initial_value_problem, valu
 from iris_sysid.errors import FitError
 from iris_sysid.types import OdeModel, increasing_times
 
-MOST = 10_000  # events listed
+MAX_LISTED = 10_000  # events listed
 ENOUGH = 1e-9  # relative error of the states from the finite time step
 
 
@@ -50,7 +50,7 @@ def event_times(model: OdeModel, t_s: ArrayLike, values: Mapping[str, float]) ->
     vector = np.array([float(given[name]) for name in value_names(model)])
     problem = initial_value_problem(model, increasing_times(t_s), None, "linear").planned(vector, ENOUGH)
     columns, count = vector[:, None], len(model.parameters)
-    out, happened = np.empty((problem.t_s.size, len(model.states), 1)), np.empty((MOST, 2, 1))
+    out, happened = np.empty((problem.t_s.size, len(model.states), 1)), np.empty((MAX_LISTED, 2, 1))
     integrate_through_events(
         problem.rhs.columns, problem.t_s, problem.substeps, np.ascontiguousarray(columns[count:]),
         np.ascontiguousarray(columns[:count]), problem.inputs, True, out, happened,

@@ -27,7 +27,7 @@ _FUNCTIONS = types.Tuple((int64, _COLUMNS, _COLUMNS, _COLUMNS))
 
 # After an event steps begin this much shorter and double, so that a flight from bounce to bounce is not stepped over.
 FIRST_STEP = 2.0**-10
-MOST_EVENTS = 1000  # in one sample interval: more pile up without end
+MAX_EVENTS = 1000  # in one sample interval: more pile up without end
 ROUNDING = 1e-9  # of a step: the remainder of an interval is not worth a step of its own
 ROOT_TRIALS = 60  # the root is there to rounding after 10; a crossing function that jumps is halved to nothing
 BESIDE_ZERO = 1e-10  # of the largest crossing value so far: below, it cannot be told from zero
@@ -172,7 +172,7 @@ def _interval(
     """
     slopes, trial, _, _ = work
     before, after, _, _ = crossing
-    t, left, most = around[0], around[1] - around[0], logged + MOST_EVENTS
+    t, left, most = around[0], around[1] - around[0], logged + MAX_EVENTS
     while logged < most:
         taken = min(length, usual)
         taken = left if left < (1 + ROUNDING) * taken else taken

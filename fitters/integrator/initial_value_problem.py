@@ -13,7 +13,7 @@ from fitters.integrator.step_control import graded
 from iris_sysid.errors import FitError
 from iris_sysid.types import Array, Hold, OdeModel
 
-MOST_STEPS = (64, 20_000)  # for each sample, and in all if that is more; a problem that needs more is stiff
+MAX_STEPS = (64, 20_000)  # for each sample, and in all if that is more; a problem that needs more is stiff
 BATCH_NUMBERS = 4_000_000  # numbers in the states of one batch of columns: 32 MB
 PLANNED = 2000  # samples by which steps of a model with events are chosen
 SIZED = 1e-3  # error of the solution that tells the size of each state
@@ -31,7 +31,7 @@ def value_names(model: OdeModel) -> tuple[str, ...]:
 class InitialValueProblem:
     """A model at given times.
 
-    ``t_s`` (n,) s, the first of which is where the initial states hold; ``inputs`` (n, m);
+    ``t_s`` (n,) s, where the initial states hold at the first; ``inputs`` (n, m);
     ``ends`` (k + 1,) where each of k steps begins and the last one ends, in samples: 2.5 is in the middle between those
     of numbers 2 and 3. Vectors of values are in the order of :func:`value_names`.
     """
@@ -132,7 +132,7 @@ class InitialValueProblem:
     def rough_sensitivity(self, values: Array, which: NDArray[np.intp], steps: Array, predicted: Array) -> Array:
         """Derivatives of the prediction (n, d, k) at half the cost, from the prediction (n, d) on one side.
 
-        The error is RESPONSE / 100 for steps as above, of which a hundredth is taken: enough to find a minimum.
+        The error is RESPONSE / 100 for a hundredth of the steps above: enough to find a minimum.
 
         Parameters
         ----------
@@ -195,7 +195,7 @@ class InitialValueProblem:
     def with_step(self, longest_step_s: float) -> InitialValueProblem:
         """The problem with the fewest equal steps in each sample interval that are no longer than this."""
         counts = np.ceil(np.diff(self.t_s) / longest_step_s * (1 - 1e-9))
-        counts = np.clip(counts, 1, MOST_STEPS[1]).astype(np.int64)
+        counts = np.clip(counts, 1, MAX_STEPS[1]).astype(np.int64)
         begin = np.repeat(np.arange(counts.size), counts)
         inside = np.arange(begin.size) - np.repeat(np.cumsum(counts) - counts, counts)
         return replace(self, ends=np.append(begin + inside / counts[begin], self.t_s.size - 1.0))
@@ -226,7 +226,7 @@ class InitialValueProblem:
 
     def _controlled(self, times: Array, values: Array, tolerance: float, enough: float, size: Array) -> Array:
         """Ends of the steps; one a sample from where the solution diverges, or would need too many."""
-        ends = np.empty(max(MOST_STEPS[0] * times.size, MOST_STEPS[1]) + 1)
+        ends = np.empty(max(MAX_STEPS[0] * times.size, MAX_STEPS[1]) + 1)
         limits = np.array([tolerance, enough, (times[-1] - times[0]) / ends.size])
         params, initial = np.split(values[:, None], [len(self.model.parameters)])
         known = self.acting(params[:, 0]), self.hold == "linear"
@@ -240,7 +240,7 @@ class InitialValueProblem:
         the size of each state; it falls with the power ORDER of the step.
         """
         step_s = float(np.median(np.diff(self.t_s))) if self.t_s.size > 1 else 1.0
-        shortest_s = float(self.t_s[-1] - self.t_s[0]) / max(MOST_STEPS[0] * self.t_s.size, MOST_STEPS[1])
+        shortest_s = float(self.t_s[-1] - self.t_s[0]) / max(MAX_STEPS[0] * self.t_s.size, MAX_STEPS[1])
         problem, runaways = self.with_step(step_s), 0
         for _ in range(12):
             error = problem.first(PLANNED).step_error(values)

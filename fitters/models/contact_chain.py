@@ -24,7 +24,7 @@ def rhs(t, state, params):
 
 
 def contact_chain(bodies: int) -> OdeModel:
-    """Make the chain of so many bodies; it observes z1, z2, ... FitError for fewer than two."""
+    """Make the chain of that number of ``bodies``; it observes z1, z2, ... FitError for fewer than two."""
     if bodies < 2:
         raise FitError(f"a contact chain needs at least 2 bodies, not {bodies}")
     names = [str(k + 1) for k in range(bodies)]

@@ -35,7 +35,7 @@ def guess(trajectory: Trajectory) -> Mapping[str, float]:
     for body, own, other in (("1", theta_1, theta_2), ("2", theta_2, theta_1)):
         terms = np.column_stack([-np.sin(own), other - own])
         (stiffness, coupling, friction), half_width_s = weak_regression(t_s, own, terms)
-        if not stiffness > 0:  # e.g. hardly moving: take the clip for a quarter of a period
+        if not stiffness > 0:  # e.g. barely moving: take the clip for a quarter of a period
             stiffness, coupling, friction = (np.pi / 2 / (t_s[-1] - t_s[0])) ** 2, 0.0, 0.0
         start = start_of(t_s, own, min(half_width_s, 0.5 / np.sqrt(stiffness)))
         values[f"length_{body}"] = STANDARD_GRAVITY / float(stiffness)

@@ -124,7 +124,7 @@ def guess(trajectory: Trajectory) -> Mapping[str, float]:
     for body, own in (("1", theta_1), ("2", theta_2)):
         pieces = [(t_s[stretch], own[stretch], -np.sin(own[stretch])[:, None]) for stretch in stretches]
         (stiffness, friction), half_width_s = pieces_regression(pieces)
-        if not stiffness > 0:  # e.g. hardly moving: take the clip for a quarter of a period
+        if not stiffness > 0:  # e.g. barely moving: take the clip for a quarter of a period
             stiffness, friction = (np.pi / 2 / (t_s[-1] - t_s[0])) ** 2, 0.0
         start = start_of(*pieces[0][:2], min(half_width_s, 0.5 / np.sqrt(stiffness)), degree=2)
         values[f"length_{body}"] = STANDARD_GRAVITY / float(stiffness)

@@ -17,7 +17,7 @@ from fitters.noise.autoregression import EDGE, Autoregression, Vector, autocovar
 from iris_sysid.types import Array, ErrorAutocorrelation
 
 SHORT = 100  # samples; more tell each partial autocorrelation to 0.1 by themselves, better than the tracker does
-MOST = 0.95  # largest measured partial autocorrelation that is used
+MAX_PARTIAL = 0.95  # largest measured partial autocorrelation that is used
 # independent samples that the stated size counts for: stated errors of tracks are true to a factor of 1.4, one standard
 # deviation (the table of pulls, 960x540 seed 4101; validation/tracking.md)
 STATED_COUNTS = 4.0
@@ -44,7 +44,7 @@ def with_measured_correlation(
     """
     if measured is None or alone.n > SHORT or alone.partial.size > len(measured.partial):
         return alone
-    known = np.arctanh(np.clip(measured.partial, -MOST, MOST))
+    known = np.arctanh(np.clip(measured.partial, -MAX_PARTIAL, MAX_PARTIAL))
     spread = np.array(measured.stderr) / (1 - np.tanh(known) ** 2)
 
     def objective(unbounded: Vector) -> float:

@@ -13,7 +13,7 @@ from iris_sysid.errors import FitError
 from iris_sysid.types import Array, Estimate, Population, chi2_ppf, chi2_sf, student_ppf
 
 WIDEST = 1e3  # upper limit of tau in the search, in units of the scatter of the estimates
-LEAST_CLIPS = 2
+MIN_CLIPS = 2
 
 
 def random_effects(values: Array, stderrs: Array, unit: str) -> Population:
@@ -39,8 +39,8 @@ def random_effects(values: Array, stderrs: Array, unit: str) -> Population:
         With fewer than two clips, or a standard error that is not positive.
     """
     y, v = np.asarray(values, dtype=np.float64), np.asarray(stderrs, dtype=np.float64) ** 2
-    if y.size < LEAST_CLIPS or not np.all(np.isfinite(y) & (v > 0) & np.isfinite(v)):
-        raise FitError(f"a scatter between clips needs {LEAST_CLIPS} clips with a value and its error each: {values}")
+    if y.size < MIN_CLIPS or not np.all(np.isfinite(y) & (v > 0) & np.isfinite(v)):
+        raise FitError(f"a scatter between clips needs {MIN_CLIPS} clips with a value and its error each: {values}")
     low, tau, high = between_clips(y, v)
     weight = 1.0 / (v + tau**2)
     mean = float(np.sum(weight * y) / np.sum(weight))

@@ -17,7 +17,7 @@ from iris_sysid.io.kernels import kernel
 from iris_sysid.types import Array, ErrorAutocorrelation, student_ppf
 
 LONGEST_CORRELATION = 20_000  # samples before the first one that its noise may be correlated with
-MOST_DEGREES = 1e6
+MAX_DEGREES = 1e6
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -35,7 +35,7 @@ class Uncertainty:
 
 def quantile_975(degrees: float) -> float:
     """97.5 % quantile of Student's t, the normal's for many degrees of freedom."""
-    return student_ppf(0.975, float(np.clip(degrees, 1.0, MOST_DEGREES)))
+    return student_ppf(0.975, float(np.clip(degrees, 1.0, MAX_DEGREES)))
 
 
 def inverse_normal(jacobian: Array, smallest: float = 0.0) -> Array:
@@ -96,7 +96,7 @@ def random_uncertainty(
         spread += _variance_of_variance(columns, bread, process, np.diag(part))
         noise.append(process)
     variance = np.diag(total)
-    degrees = np.divide(2 * variance**2, spread, out=np.full(k, MOST_DEGREES), where=spread > 0)
+    degrees = np.divide(2 * variance**2, spread, out=np.full(k, MAX_DEGREES), where=spread > 0)
     return Uncertainty(total, degrees, tuple(noise))
 
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitters.noise.random_effects import LEAST_CLIPS, random_effects
-from fitters.noise.sandwich_covariance import MOST_DEGREES, random_uncertainty
+from fitters.noise.random_effects import MIN_CLIPS, random_effects
+from fitters.noise.sandwich_covariance import MAX_DEGREES, random_uncertainty
 from fitters.ode.fit_problem import check_names
 from fitters.ode.request import DEFAULT_OPTIONS, NOTHING, FitOptions, FitRequest
 from fitters.ode.rest_position import held_zeros, off_zero
@@ -152,8 +152,8 @@ def _check(
     fixed: Mapping[str, float | Estimate],
 ) -> None:
     check_names(model, shared=list(shared), per_clip=list(per_clip), fixed=list(fixed))
-    if len(trajectories) < LEAST_CLIPS:
-        raise FitError(f"a fit over clips needs {LEAST_CLIPS} of them, not {len(trajectories)}; use fit for one")
+    if len(trajectories) < MIN_CLIPS:
+        raise FitError(f"a fit over clips needs {MIN_CLIPS} of them, not {len(trajectories)}; use fit for one")
     for name in shared:
         if name in per_clip:
             raise FitError(f"{name} cannot be both shared and per clip; leave out one of the two")
@@ -189,7 +189,7 @@ def _populations(clips: Sequence[FitResult], names: Sequence[str]) -> dict[str, 
     for name in names:
         rows = [(clip.estimates[name].value, _random(clip, name)) for clip in clips if clip.usable]
         sure = np.array([row for row in rows if np.isfinite(row[0]) and np.isfinite(row[1]) and row[1] > 0])
-        if len(sure) >= LEAST_CLIPS:
+        if len(sure) >= MIN_CLIPS:
             population = random_effects(sure[:, 0], sure[:, 1], clips[0].estimates[name].unit)
             populations[name] = _with_common_errors(population, clips, name)
     return populations
@@ -306,7 +306,7 @@ def _shared_estimates(
     covariance = np.asarray(sum(part for part, _ in parts))
     variance = np.diag(covariance)
     spread = sum(np.diag(part) ** 2 / degrees for part, degrees in parts)  # Satterthwaite (1946)
-    degrees = np.clip(variance**2 / np.maximum(spread, 1e-300), 1.0, MOST_DEGREES)
+    degrees = np.clip(variance**2 / np.maximum(spread, 1e-300), 1.0, MAX_DEGREES)
     names = sorted({name for view in views for name in view.known})
     shifts = {name: _shift([view for view in views if name in view.known], name, bread) for name in names}
     shifts |= _drag_shift(views, bread, prior)

@@ -28,12 +28,12 @@ WITH_DRAG_MOTION = 0.2  # residual of the motion above which no drag would make 
 FAR = 1e6  # in units of the noise: a prediction that has diverged
 NEAR = 10.0  # times the best held-out error: what predicts worse is not fitted to all samples
 SHOWN = 4  # samples on either side of an event: a position, a velocity, and two that agree with them
-MOST_FITTED = 3  # models fitted to all samples in any case
+MAX_FITTED = 3  # models fitted to all samples in any case
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Trial:
-    """An observable at its times (n,), of which ``known`` (n,) are fitted first; ``motion`` in units of the noise."""
+    """An observable at its times (n,), ``known`` (n,) ones fitted first; ``motion`` in units of the noise."""
 
     t_s: Array
     known: Mask
@@ -70,7 +70,7 @@ def all_tried(trials: Sequence[Trial], bank: Mapping[str, OdeModel], free: Seque
     begun.sort(key=lambda candidate: candidate.heldout)
     near = NEAR * begun[0].heldout if begun else 0.0
     for k, candidate in enumerate(begun):
-        tried.append(_finished(candidate) if k < MOST_FITTED or candidate.heldout <= near else _left_behind(candidate))
+        tried.append(_finished(candidate) if k < MAX_FITTED or candidate.heldout <= near else _left_behind(candidate))
     return tried
 
 
@@ -149,7 +149,7 @@ def _expected(begun: _Begun) -> float:
 
 
 def _idle(model: OdeModel, full: FitResult, t_s: Array) -> bool:
-    """Whether a model has events of which none happens in its fit with SHOWN samples or more on either side."""
+    """Whether a model has events and none happens in its fit with SHOWN samples or more on either side."""
     if not model.events:
         return False
     happened = event_times(model, t_s, {name: estimate.value for name, estimate in full.estimates.items()})

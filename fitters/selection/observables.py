@@ -241,7 +241,7 @@ def suits(model: OdeModel, observable: ObservableCandidate) -> bool:
         for quantity, unit in zip(model.observed, observable.units, strict=True)
     )
     only = ONLY.get(observable.name)
-    slopes = observable.known.get(INCLINATION, np.pi / 2) > UPRIGHT  # a level line is no incline
+    slopes = observable.known.get(INCLINATION, np.pi / 2) > UPRIGHT  # a level line is not an incline
     return same and (only is None or only(model)) and (slopes or not model.with_role("inclination"))
 
 

@@ -17,10 +17,10 @@ from iris_sysid.types import Mask, ModelCandidate, ModelChoice, OdeModel, Trajec
 
 FITTED = 0.7  # share of the samples, from the first on; the rest is held out
 LONGEST = 900  # samples: what tells models apart shows in the first 15 s at 60 Hz
-FEWEST = 12  # samples: enough for four unknowns and something to predict
-MOST_BODIES = 3  # that are looked at together: of more, those that move farthest
+MIN_SAMPLES = 12  # samples: enough for four unknowns and something to predict
+MAX_BODIES = 3  # that are looked at together: of more, those that move farthest
 CORRELATED = 0.9  # at lag one, and beyond: the residual has the form of a motion, not of noise
-STRONG = 6.0  # BIC, of independent samples: less is no strong evidence (Kass and Raftery 1995, J. Am. Stat. Assoc. 90)
+STRONG = 6.0  # BIC, of independent samples: less is not strong evidence (Kass and Raftery 1995, J. Am. Stat. Assoc. 90)
 
 
 def select_model(
@@ -108,8 +108,10 @@ def _raws(tracks: Sequence[Trajectory]) -> list[Raw]:
 def _first_of(used: Mask) -> Mask:
     """The first LONGEST of some samples; FitError for too few."""
     index = np.flatnonzero(used)[:LONGEST]
-    if index.size < FEWEST:
-        raise FitError(f"only {index.size} usable samples, {FEWEST} are needed to choose a model: take a longer clip")
+    if index.size < MIN_SAMPLES:
+        raise FitError(
+            f"only {index.size} usable samples, {MIN_SAMPLES} are needed to choose a model: take a longer clip"
+        )
     kept = np.zeros_like(used)
     kept[index] = True
     return kept
@@ -119,16 +121,16 @@ def _first_of(used: Mask) -> Mask:
 
 
 def _departures(tracks: Sequence[Trajectory]) -> NDArray[np.intp]:
-    """Sample at which each body leaves its rest position; the number of samples for one at rest, or hardly seen."""
+    """Sample at which each body leaves its rest position; the number of samples for one at rest, or barely seen."""
     seen = [select(track, ("motion",)).used for track in tracks]
     noise = [
-        np.max(raw_of(track, used).noise) for track, used in zip(tracks, seen, strict=True) if used.sum() >= FEWEST
+        np.max(raw_of(track, used).noise) for track, used in zip(tracks, seen, strict=True) if used.sum() >= MIN_SAMPLES
     ]
     departures = np.full(len(tracks), tracks[0].n)
     for k, (track, used) in enumerate(zip(tracks, seen, strict=True)):
         index = np.flatnonzero(used)
         gone = departure(track.position[index], float(max(noise, default=0.0)))
-        if index.size >= FEWEST and gone < index.size:
+        if index.size >= MIN_SAMPLES and gone < index.size:
             departures[k] = index[gone]
     return departures
 
@@ -136,7 +138,7 @@ def _departures(tracks: Sequence[Trajectory]) -> NDArray[np.intp]:
 def _most_moving(tracks: Sequence[Trajectory], moving: Sequence[int]) -> list[int]:
     """Those of the moving bodies that move farthest, in the order given."""
     way = [float(np.max(np.ptp(tracks[k].position[tracks[k].valid], axis=0), initial=0.0)) for k in moving]
-    return sorted(moving[k] for k in np.argsort(way, kind="stable")[-MOST_BODIES:])
+    return sorted(moving[k] for k in np.argsort(way, kind="stable")[-MAX_BODIES:])
 
 
 def _first_mover(tracks: Sequence[Trajectory], departures: NDArray[np.intp]) -> Raw | None:
@@ -144,7 +146,7 @@ def _first_mover(tracks: Sequence[Trajectory], departures: NDArray[np.intp]) -> 
     first, second = np.argsort(departures, kind="stable")[:2]
     used = select(tracks[first], ("motion",)).used.copy()
     used[: departures[first]] = used[max(departures[second] - 1, 0) :] = False
-    return raw_of(tracks[first], _first_of(used)) if used.sum() >= FEWEST else None
+    return raw_of(tracks[first], _first_of(used)) if used.sum() >= MIN_SAMPLES else None
 
 
 def _until_others_move(alone: ModelChoice, joint: ModelChoice) -> ModelChoice:
@@ -165,7 +167,7 @@ def _observables_of(raws: Sequence[Raw], known: Mask) -> list[ObservableCandidat
     joint = []
     if all("angle" in body for body in bodies):
         joint.append(combined([body["angle"] for body in bodies], "angles"))
-    if all("distance" in body for body in bodies) and len(raws) == MOST_BODIES:
+    if all("distance" in body for body in bodies) and len(raws) == MAX_BODIES:
         joint.append(_common_distances(raws))
     return joint
 

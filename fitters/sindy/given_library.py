@@ -178,7 +178,7 @@ def _features(library: Library, given: Any) -> list[_Feature]:
 
 
 def _check(library: Any) -> None:
-    """Refuse what is no function of the state at one time."""
+    """Refuse what is not a function of the state at one time."""
     name = type(library).__name__
     if name not in READERS:
         raise DataError(

@@ -74,7 +74,9 @@ def terms_of(library: Library, name: str) -> tuple[int, ...]:
             return tuple(k for k in range(len(library.terms)) if key_of(library, k) in structure.sometimes)
     names = ", ".join(sorted(structure.model.name for structure in structures(library)))
     quantities = ", ".join(variable.quantity.name for variable in library.variables)
-    raise FitError(f"{name!r} is no model of {quantities} that the library can express; there are: {names or 'none'}")
+    raise FitError(
+        f"{name!r} is not a model of {quantities} that the library can express; there are: {names or 'none'}"
+    )
 
 
 @functools.lru_cache(maxsize=64)

@@ -21,9 +21,9 @@ from fitters.sindy.weak_form import grid_step, inputs_of
 from iris_sysid.types import Array, FitResult, OdeModel, Trajectory
 
 BLOCKS = 24  # largest number of blocks of a clip, for resampling
-LEAST_IN_BLOCK = 4
+MIN_IN_BLOCK = 4
 ROUNDS = 8
-MOST_CORRELATION = 0.98
+MAX_CORRELATION = 0.98
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -208,7 +208,7 @@ def blocks_of(columns: Array, target: Array, one: FitResult, shared: int, where:
     wide = np.zeros((*target.shape, shared + clips * own))
     wide[:, :, :shared] = columns[:, :, :shared]
     wide[:, :, shared + index * own : shared + (index + 1) * own] = columns[:, :, shared:]
-    count = int(np.clip(len(target) // LEAST_IN_BLOCK, 1, BLOCKS))
+    count = int(np.clip(len(target) // MIN_IN_BLOCK, 1, BLOCKS))
     share = 1.0 / _inflation(one)
     return [
         Compressed.of(wide[part].reshape(-1, wide.shape[2]), target[part].ravel(), share)
@@ -218,7 +218,7 @@ def blocks_of(columns: Array, target: Array, one: FitResult, shared: int, where:
 
 def _inflation(fit: FitResult) -> float:
     """Number of neighbouring samples per independent sample, from their correlation."""
-    correlation = float(np.clip(np.nan_to_num(fit.correlation), 0.0, MOST_CORRELATION))
+    correlation = float(np.clip(np.nan_to_num(fit.correlation), 0.0, MAX_CORRELATION))
     return (1 + correlation) / (1 - correlation)
 
 

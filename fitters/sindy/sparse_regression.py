@@ -79,7 +79,7 @@ def chosen_by(optimizer: Any, rows: Rows, seed: int) -> NDArray[np.intp]:
 
 
 def check_optimizer(optimizer: Any) -> None:
-    """DataError for what is no optimizer, or ties the equations to each other, which are solved one by one here."""
+    """DataError for what is not an optimizer, or ties the equations to each other, which are solved one by one here."""
     name = type(optimizer).__name__
     if isinstance(optimizer, type) or not hasattr(optimizer, "fit"):
         raise DataError(f"optimizer={optimizer!r}: give an optimizer of pysindy, such as pysindy.STLSQ(threshold=0.1)")

@@ -20,11 +20,11 @@ from iris_sysid.errors import DataError
 from iris_sysid.types import Array, Mask, Trajectory
 
 BRIDGED = 2  # missing samples in a row that the smoother fills; more end a piece
-FEWEST = 8  # samples in a piece: fewer say nothing about the noise
+MIN_SAMPLES = 8  # samples in a piece: fewer say nothing about the noise
 NARROWEST = 4  # samples in half a window
 WIDTHS = (1.5, 2.5, 4.0)  # half a window, in times rms value / rms rate; a period of an oscillation is 6.3 of them
-STEP = 0.4  # of half a window from one window to the next: rows nearer than that hardly add information
-MOST_ROWS = 120  # in one block of rows, which are whitened together
+STEP = 0.4  # of half a window from one window to the next: rows nearer than that add little information
+MAX_ROWS = 120  # in one block of rows, which are whitened together
 NUGGET = 1e-6  # of the rows' variance: rounding, and the rule of integration
 SAME = 1e-9  # of the range of the samples: nearer ones differ by rounding in arithmetic only
 OFF_GRID = 1e-3  # of a step
@@ -61,7 +61,7 @@ def pieces_of(trajectory: Trajectory, library: Library) -> list[Piece]:
     columns = [trajectory.column(name) for name in names]
     inside = trajectory.valid & trajectory.mask("motion")
     clean = inside.copy()
-    if inside.sum() >= FEWEST:
+    if inside.sum() >= MIN_SAMPLES:
         clean[inside] = ~outliers_in_motion(trajectory.t_s[inside], trajectory.position[inside][:, columns])
     _check(trajectory, clean, columns)
     smoothed = smooth(trajectory.with_(valid=clean)).smoothed
@@ -73,10 +73,10 @@ def pieces_of(trajectory: Trajectory, library: Library) -> list[Piece]:
 
 def _check(trajectory: Trajectory, clean: Mask, columns: list[int]) -> None:
     n = int(clean.sum())
-    if n < 2 * FEWEST:
+    if n < 2 * MIN_SAMPLES:
         raise DataError(
-            f"{n} of {trajectory.n} samples are valid and in motion, at least {2 * FEWEST} are needed to discover an "
-            "equation: give a longer clip or a higher frame rate"
+            f"{n} of {trajectory.n} samples are valid and in motion, at least {2 * MIN_SAMPLES} are needed to discover "
+            "an equation: give a longer clip or a higher frame rate"
         )
     for column in columns:
         values = trajectory.position[clean, column]
@@ -98,7 +98,7 @@ def _runs(trajectory: Trajectory, clean: Mask) -> Iterator[slice]:
             late = trajectory.t_s[index[k]] - trajectory.t_s[index[k - 1]] > (BRIDGED + 1.5) * step_s
             ends = bool(late) or any(index[k - 1] < edge <= index[k] for edge in edges)
         if ends:
-            if k - first >= FEWEST:
+            if k - first >= MIN_SAMPLES:
                 yield slice(int(index[first]), int(index[k - 1]) + 1)
             first = k
 
@@ -131,7 +131,7 @@ def inputs_of(trajectory: Trajectory, library: Library, run: slice) -> Array | N
 
 
 def grid_step(values: Array) -> float:
-    """The largest step of which all differences of values (n,) are whole multiples; 0 where there is none.
+    """The largest step that divides all differences of values (n,); 0 where there is none.
 
     In the unit of the values.
     """
@@ -231,14 +231,14 @@ def _blocks(pieces: list[Piece], library: Library, equation: int, half_s: float)
 
 
 def _parts(piece: Piece, half_s: float, fewest: int) -> Iterator[Array]:
-    """Centres of windows, at most MOST_ROWS together; in a short piece they are closer, to have enough of them."""
+    """Centres of windows, at most MAX_ROWS together; in a short piece they are closer, to have enough of them."""
     free_s = float(piece.t_s[-1] - piece.t_s[0]) - 2 * half_s
     if free_s < 0:
         return
     inside = int(np.searchsorted(piece.t_s, piece.t_s[0] + free_s))
     count = max(1 + int(free_s / (STEP * half_s)), min(fewest, inside))
     centres_s = piece.t_s[0] + half_s + np.linspace(0, free_s, count)
-    yield from np.array_split(centres_s, 1 + centres_s.size // MOST_ROWS)
+    yield from np.array_split(centres_s, 1 + centres_s.size // MAX_ROWS)
 
 
 def _block(piece: Piece, centres_s: Array, library: Library, equation: int, half_s: float) -> _Block:

@@ -105,7 +105,7 @@ def list_clips(folder: str | Path) -> Listing:
     root, known = Path(folder), benchmark_classes()
     gaps: list[Gap] = []
     if not root.is_dir() or not os.access(root, os.R_OK | os.X_OK):
-        raise DataError(f"{folder} is no folder that can be read; give the one that holds the classes")
+        raise DataError(f"{folder} is not a folder that can be read; give the one that holds the classes")
     names = [name for name in _entries(root, "", gaps) if (root / name).is_dir()]
     present = [name for name in names if name in known]
     if not present:

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 
@@ -15,20 +13,11 @@ from iris_sysid.calibration.plane import to_plane
 from iris_sysid.errors import CalibrationError, DataError
 from iris_sysid.io.archives import member_of
 from iris_sysid.io.files import origin_of
-from iris_sysid.io.json_documents import checked, entries_of, read_document, write_document
+from iris_sysid.io.json_documents import checked, read_document, write_document
 from iris_sysid.io.osp_tracker import read_osp
-from iris_sysid.io.schemas import CalibrationDocument, DoubtEntry, known_number, number
-from iris_sysid.types import N_VALUES, Array, Calibration, VerticalSource
+from iris_sysid.io.schemas import CalibrationDocument, number
+from iris_sysid.types import N_VALUES, Array, Calibration
 
-VERTICALS_IN_VERSION_1: Mapping[str, VerticalSource] = MappingProxyType(
-    {
-        "the vertical is the picture's": "image",
-        "the vertical is the board's edge": "board-edge",
-        "the vertical is that of the file's axes": "file-axes",
-        "the vertical, by a plumb line": "plumb-line",
-        "the vertical, by the flight's acceleration": "flight",
-    }
-)
 # smallest eigenvalue of a correlation matrix, of its largest, that rounding of its entries can make
 ROUNDING = 1e-6
 
@@ -63,29 +52,10 @@ def write_calibration(calibration: Calibration, path: str | Path, *, overwrite: 
 def calibration_document(calibration: Calibration) -> CalibrationDocument:
     """The content of calibration.json, checked; CalibrationError when the ``calibration`` cannot be used."""
     check_homography(calibration.homography)
+    names = CalibrationDocument.model_fields.keys() - {"document", "version", "origin"}
     return checked(
-        CalibrationDocument,
-        unit=calibration.unit,
-        homography=_rows(calibration.homography),
-        scale=entries_of({"scale": calibration.scale})["scale"],
-        source=calibration.source,
-        camera_matrix=_rows(calibration.camera_matrix),
-        distortion=tuple(calibration.distortion.tolist()),
-        budget={name: part.tolist() for name, part in calibration.budget.items()},
-        image_size=calibration.image_size,
-        centre_px=calibration.centre_px,
-        vertical_source=calibration.vertical_source,
-        fixed=list(calibration.fixed),
-        assumed=list(calibration.assumed),
-        notes=list(calibration.notes),
-        doubts=[DoubtEntry.of(doubt) for doubt in calibration.doubts],
-        rms_px=known_number(calibration.rms_px),
-        origin=origin_of(None, {}),
+        CalibrationDocument, **{name: getattr(calibration, name) for name in names}, origin=origin_of(None, {})
     )
-
-
-def _rows(matrix: Array) -> tuple[tuple[float, ...], ...]:
-    return tuple(tuple(row) for row in matrix.tolist())
 
 
 def read_calibration(path: str | Path) -> Calibration:
@@ -121,21 +91,12 @@ def read_calibration(path: str | Path) -> Calibration:
         notes=tuple(document.notes),
         doubts=tuple(entry.doubt() for entry in document.doubts),
         rms_px=number(document.rms_px),
-        **_statements(document),
+        vertical_source=document.vertical_source,
+        fixed=tuple(document.fixed),
+        assumed=tuple(document.assumed),
     )
     _check_use(calibration, path)
     return calibration
-
-
-def _statements(document: CalibrationDocument) -> dict[str, Any]:
-    """The fields of a Calibration that say what was fixed and assumed; version 1 names the vertical among them."""
-    sources = [VERTICALS_IN_VERSION_1.get(text) for text in (*document.assumed, *document.fixed)]
-    stated = [source for source in sources if source is not None and document.version == 1]
-    return {
-        "vertical_source": stated[-1] if stated else document.vertical_source,
-        "fixed": tuple(text for text in document.fixed if not (stated and text in VERTICALS_IN_VERSION_1)),
-        "assumed": tuple(text for text in document.assumed if not (stated and text in VERTICALS_IN_VERSION_1)),
-    }
 
 
 def _checked_camera(matrix: Array, path: Path) -> Array:
@@ -153,7 +114,7 @@ def _checked_part(rows: Sequence[Sequence[float]], name: str, path: Path) -> Arr
     size = np.sqrt(np.maximum(np.diag(part), 0.0))
     scaled = part / np.outer(*[np.where(size > 0, size, 1.0)] * 2)
     if not np.allclose(scaled, scaled.T, atol=ROUNDING) or np.linalg.eigvalsh(scaled).min() < -ROUNDING * N_VALUES:
-        raise DataError(f"{path}: budget.{name} is no covariance: it must be symmetric and positive semidefinite")
+        raise DataError(f"{path}: budget.{name} is not a covariance: it must be symmetric and positive semidefinite")
     return part
 
 

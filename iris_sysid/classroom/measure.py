@@ -22,7 +22,7 @@ from iris_sysid.io.csv_write import write_trajectory
 from iris_sysid.io.files import check_writable, origin_of
 from iris_sysid.io.grouped_table import read_group
 from iris_sysid.io.json_documents import checked, entries_of, plain_origin, read_document, write_document, write_fit
-from iris_sysid.io.schemas import DoubtEntry, GroupDocument, VerdictEntry, known_number
+from iris_sysid.io.schemas import GroupDocument
 from iris_sysid.pipeline import FILES, accepted_settings, from_source, observe_and_fit, run, save
 from iris_sysid.registry import MODELS
 from iris_sysid.trajectory.consistency.capture_rate import STATED
@@ -250,12 +250,12 @@ def _document(group: Group, measured: Measured, origin: Mapping[str, Any]) -> Gr
         **_head(group),
         status=result.status,
         message=result.message,
-        verdict=VerdictEntry.of(result.verdict),
+        verdict=result.verdict,
         parameters=entries_of(result.estimates, result.status),
-        free=list(result.free),
-        budget={name: {key: known_number(part) for key, part in row.items()} for name, row in result.budget.items()},
+        free=result.free,
+        budget=result.budget,
         evidence=entries_of(evidence),
-        track_doubts=[DoubtEntry.of(doubt) for doubt in doubts],
+        track_doubts=doubts,
         origin=origin,
     )
 

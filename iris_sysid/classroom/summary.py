@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitters.noise.random_effects import LEAST_CLIPS, random_effects
+from fitters.noise.random_effects import MIN_CLIPS, random_effects
 from iris_sysid.classroom.causes import Cause, causes_of
 from iris_sysid.classroom.outliers import deviations
 from iris_sysid.errors import DataError, UnknownNameError
@@ -249,7 +249,7 @@ def _pooled(groups: Sequence[GroupResult], name: str) -> Population | None:
 def _population(documents: Sequence[GroupDocument], name: str) -> Population | None:
     """The mean over groups and the scatter between them; the error of common constants is added once."""
     measured = [(document, value) for document in documents if (value := _value_of(document, name)) is not None]
-    if len(measured) < LEAST_CLIPS:
+    if len(measured) < MIN_CLIPS:
         return None
     common = np.array([_common(document, name) for document, _ in measured])
     stderrs = np.array([value.stderr for _, value in measured])

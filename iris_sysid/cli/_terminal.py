@@ -34,9 +34,9 @@ def check_sources(sources: Sequence[Path]) -> None:
 
 
 def check_dataset(folder: Path) -> None:
-    """Raise DataError before anything heavy is imported when a data set is no folder."""
+    """Raise DataError before anything heavy is imported when a data set is not a folder."""
     if not folder.is_dir():
-        raise DataError(f"{folder} is no folder that can be read; give the one that holds the classes")
+        raise DataError(f"{folder} is not a folder that can be read; give the one that holds the classes")
 
 
 def check_outputs(source: Path, paths: Sequence[Path | None], *, overwrite: bool) -> None:

@@ -255,7 +255,7 @@ def _how_to_end(seconds: float | None) -> str:
 
 
 def _stopped(diagnosis: "Diagnosis", json: bool) -> bool:
-    """Whether the search was ended early; beside JSON, what was stopped is said on stderr."""
+    """Whether the search was ended early; beside JSON, stderr states what was stopped."""
     notes = [note.text for note in diagnosis.notes if note.kind == "stopped"]
     for text in notes if json else ():
         typer.echo(f"note: {_terminal.one_line(text)}", err=True)

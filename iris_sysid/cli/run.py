@@ -95,7 +95,7 @@ def _ask_for_phenomenon(video: Path, output: Path) -> NoReturn:
 
     open_video(video, fps=1.0)
     typer.echo(
-        f"what moves in {_terminal.one_line(video.name)}? say it with --phenomenon NAME, or on the page:", err=True
+        f"choose the phenomenon of {_terminal.one_line(video.name)} with --phenomenon NAME, or on the page:", err=True
     )
     summaries = PHENOMENA.summaries()
     width = max(map(len, summaries))

@@ -43,11 +43,11 @@ from iris_sysid.types import (
     DiscoveredTerm,
     Effect,
     EffectCause,
-    Errors,
     Estimate,
     Finding,
     FitResult,
     OdeModel,
+    PredictionErrors,
     Trajectory,
 )
 
@@ -419,8 +419,8 @@ def _diagnosis(
         probabilities=answer.probabilities,
         causes={name: _causes(shares, effects) for name, shares in answer.probabilities.items()},
         ruled_out=tuple(report.limit(score) for score in rounds[-1]),
-        before=Errors(fitted_error(base.fits, final.fits), *before),
-        after=Errors(fitted, *after),
+        before=PredictionErrors(fitted_error(base.fits, final.fits), *before),
+        after=PredictionErrors(fitted, *after),
         noise_floor=noise,
         unit=base.fits[0].model.observed[0].unit,
         proposed=_proposed(cache.clips, final) if above else (),

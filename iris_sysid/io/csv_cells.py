@@ -32,7 +32,7 @@ UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 
 
 class PackedCells:
-    """The cells of a column, thousands in one text: a text of its own takes six times what stands in a cell."""
+    """The cells of a column, thousands in one text: a text of its own takes six times the content of a cell."""
 
     __slots__ = ("_blocks", "_size")
 
@@ -178,7 +178,7 @@ def read_sheet(path: str | Path) -> Sheet:
     """Read a CSV file: comma, semicolon or tab between cells, with decimal commas where the comma is not the separator.
 
     UTF-8, with or without a byte order mark, or UTF-16 with one. Blank lines are skipped, unnamed empty columns left
-    out. Raises DataError for what is no such file, has no rows, or has a row or column too many.
+    out. Raises DataError for another kind of file, and for one without rows or with a row or column too many.
     """
     label = str(path)
     text = _decode(read_file(path), label)

@@ -245,7 +245,7 @@ def _of_another_program(path: str | Path, columns: Mapping[str, str] | None) -> 
 
 
 def _refuse_groups(label: str, title: str, cells: Sequence[str]) -> None:
-    """DataError where a column names several groups of rows: together they are no trajectory."""
+    """DataError where a column names several groups of rows: together they are not a trajectory."""
     names = several_groups(title, cells)
     if names:
         some = ", ".join(f"{name:.20}" for name in names[:4]) + (", ..." if len(names) > 4 else "")
@@ -270,7 +270,7 @@ def trajectory_of_sheet(sheet: Sheet, document: OriginDocument | None, origin: M
     Raises
     ------
     DataError
-        When a column is none of a trajectory's, or a cell does not hold what its column should.
+        When a column does not belong to a trajectory, or a cell does not hold what its column should.
     """
     _require(sheet, ("t_s",), "a trajectory has t_s in s and a column such as theta_rad or x_m")
     columns = _columns(sheet)
@@ -413,7 +413,7 @@ def _segments(sheet: Sheet, document: OriginDocument | None) -> tuple[Segment, .
     known: tuple[str, ...] = get_args(SegmentLabel)
     for row, label in enumerate(labels):
         if label is not None and label not in known:
-            sheet.refuse("segment", row, f"is no segment; there are {', '.join(known)}, or blank")
+            sheet.refuse("segment", row, f"is not a segment; there are {', '.join(known)}, or blank")
     stated = tuple(entry.segment() for entry in document.segments) if document else ()
     inside = all(segment.start < segment.stop <= len(labels) for segment in stated)
     if inside and segment_labels(stated, len(labels)) == labels:
@@ -463,7 +463,7 @@ def _covariance(
     for header in headers:
         if header not in pairs:
             raise DataError(
-                f"{sheet.label}: {header} is no covariance of this table; there could be {', '.join(pairs)}"
+                f"{sheet.label}: {header} is not a covariance of this table; there could be {', '.join(pairs)}"
             )
         first, second = pairs[header]
         covariance[:, first, second] = covariance[:, second, first] = sheet.numbers(header)

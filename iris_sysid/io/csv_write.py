@@ -8,7 +8,6 @@ geometry, why each segment was cut) is optional: a table typed by hand reads as 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,13 +22,10 @@ from iris_sysid.io.json_documents import checked, entries_of, plain_origin, writ
 from iris_sysid.io.schemas import (
     BrightnessEntry,
     CameraMotionEntry,
-    ErrorAutocorrelationEntry,
     OriginDocument,
-    TrackQualityEntry,
-    ViewEntry,
-    known_numbers,
+    Smoothing,
 )
-from iris_sysid.types import TRACK_MASKS, ErrorAutocorrelation, Track, Trajectory
+from iris_sysid.types import TRACK_MASKS, Track, Trajectory
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -66,21 +62,17 @@ def write_track(tracks: Sequence[Track] | Track, path: str | Path, *, overwrite:
     origins = {track.body: plain_origin(track.origin) for track in every}
     same = all(origin == origins[every[0].body] for origin in origins.values())
     beside: dict[str, Any] = {"origin": origins[every[0].body]} if same else {"bodies": origins}
-    lasting = {track.body: _entry_of(track.error_autocorrelation) for track in every}
+    lasting = {track.body: track.error_autocorrelation for track in every}
     alike = all(entry == lasting[every[0].body] for entry in lasting.values())
     beside["error_autocorrelation"] = lasting[every[0].body] if alike else None
     known = {body: entry for body, entry in lasting.items() if entry is not None}
     beside["body_error_autocorrelation"] = {} if alike else known
-    judged = {track.body: TrackQualityEntry.of(track.quality) for track in every}
+    judged = {track.body: track.quality for track in every}
     beside["body_quality"] = {body: entry for body, entry in judged.items() if entry is not None}
-    light = {track.body: BrightnessEntry.of(track) for track in every}
+    light = {track.body: BrightnessEntry.of_track(track) for track in every}
     beside["body_brightness"] = {body: entry for body, entry in light.items() if entry is not None}
-    beside["camera_motion"] = CameraMotionEntry.of(every)
+    beside["camera_motion"] = CameraMotionEntry.of_tracks(every)
     return _write(frame, path, beside, overwrite=overwrite)
-
-
-def _entry_of(stated: ErrorAutocorrelation | None) -> ErrorAutocorrelationEntry | None:
-    return None if stated is None else ErrorAutocorrelationEntry(**{k: list(v) for k, v in asdict(stated).items()})
 
 
 def write_trajectory(trajectory: Trajectory, path: str | Path, *, overwrite: bool = False) -> Path:
@@ -109,21 +101,21 @@ def write_trajectory(trajectory: Trajectory, path: str | Path, *, overwrite: boo
     """
     smoothed = trajectory.smoothed
     beside = {
-        "quantities": [asdict(quantity) for quantity in trajectory.quantities],
-        "inputs": [asdict(quantity) for quantity in trajectory.input_quantities],
-        "segments": [asdict(segment) for segment in trajectory.segments],
+        "quantities": trajectory.quantities,
+        "inputs": trajectory.input_quantities,
+        "segments": trajectory.segments,
         "geometry": entries_of(trajectory.geometry),
         "systematic": {source: np.nan_to_num(patterns).tolist() for source, patterns in trajectory.systematic.items()},
-        "smoothing": None if smoothed is None else {k: known_numbers(getattr(smoothed, k)) for k in ("psd", "nis")},
+        "smoothing": None if smoothed is None else Smoothing.of(smoothed),
         "origin": plain_origin(trajectory.origin),
-        "error_autocorrelation": _entry_of(trajectory.error_autocorrelation),
+        "error_autocorrelation": trajectory.error_autocorrelation,
         "first_frame": trajectory.first_frame,
         "sensor": trajectory.sensor,
-        "view": ViewEntry.of(trajectory.view),
-        "doubts": [asdict(doubt) for doubt in trajectory.doubts],
+        "view": trajectory.view,
+        "doubts": trajectory.doubts,
         "hold": trajectory.hold,
         "known": entries_of(trajectory.known),
-        "free": list(trajectory.free),
+        "free": trajectory.free,
     }
     return _write(to_frame(trajectory), path, beside, overwrite=overwrite)
 

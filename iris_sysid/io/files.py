@@ -293,7 +293,9 @@ def _plain(value: Any) -> Any:
         return [_plain(item) for item in sorted(value)]
     if isinstance(value, Sequence):
         return [_plain(item) for item in value]
-    raise DataError(f"cannot write {value!r:.60} as JSON: {type(value).__name__} is no number, text, list or mapping")
+    raise DataError(
+        f"cannot write {value!r:.60} as JSON: {type(value).__name__} is not a number, text, list or mapping"
+    )
 
 
 def _plain_number(value: Any) -> Any:
@@ -304,4 +306,4 @@ def _plain_number(value: Any) -> Any:
 
 def _text(value: str | Path) -> str:
     text = value.name or str(value) if isinstance(value, Path) else value
-    return text.encode("utf-8", "replace").decode("utf-8")  # file names may hold bytes that are no text
+    return text.encode("utf-8", "replace").decode("utf-8")  # file names may hold bytes that are not text

@@ -6,21 +6,18 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from iris_sysid.io.json_documents import checked, entries_of, entry_of, fit_document, plain_origin
+from iris_sysid.io.json_documents import checked, entries_of, fit_document, fitted_quantities, plain_origin
 from iris_sysid.io.schemas import (
     CandidateEntry,
     ClipEntry,
     ClipsEntry,
     FitDocument,
-    FittedQuantity,
     PopulationEntry,
     SelectionEntry,
     UsedSamples,
     VerdictEntry,
-    known_number,
-    known_numbers,
 )
-from iris_sysid.types import Array, FitResult, ModelChoice, PooledFit, Population, Trajectory
+from iris_sysid.types import Array, FitResult, ModelChoice, PooledFit, Trajectory
 
 
 def pooled_document(pooled: PooledFit, tables: Sequence[str], trajectory: Trajectory) -> FitDocument:
@@ -41,35 +38,29 @@ def pooled_document(pooled: PooledFit, tables: Sequence[str], trajectory: Trajec
     covariance[: len(pooled.shared), : len(pooled.shared)] = pooled.covariance
     covariance[len(pooled.shared) :, len(pooled.shared) :] = np.diag(means)
     usable = [clip for clip in pooled.clips if clip.usable]
+    observed = pooled.model.observed
     return checked(
         FitDocument,
         model=pooled.model.name,
         equation=pooled.model.equation,
         status=pooled.status,
         message=pooled.message,
-        verdict=VerdictEntry.of(pooled.verdict),
+        verdict=pooled.verdict,
         parameters=entries_of(pooled.estimates, pooled.status),
         free=free,
-        covariance=[known_numbers(row) for row in covariance],
-        budget={name: {key: known_number(part) for key, part in row.items()} for name, row in pooled.budget.items()},
+        covariance=covariance,
+        budget=pooled.budget,
         noise=_overall(usable, "noise"),
         rms=_overall(usable, "rms"),
         n=sum(clip.n for clip in usable),
-        aic=known_number(pooled.aic),
-        bic=known_number(pooled.bic),
+        aic=pooled.aic,
+        bic=pooled.bic,
         condition=None,
         correlation=None,
         t0_s=None,
-        quantities=[
-            FittedQuantity(
-                name=quantity.name,
-                unit=quantity.unit,
-                symbol=quantity.symbol,
-                noise=_mean_square(usable, "noise", k),
-                rms=_mean_square(usable, "rms", k),
-            )
-            for k, quantity in enumerate(pooled.model.observed)
-        ],
+        quantities=fitted_quantities(
+            observed, *(_by_quantity(usable, name, len(observed)) for name in ("noise", "rms"))
+        ),
         samples=UsedSamples(total=sum(clip.used.size for clip in pooled.clips)),
         segments=[],
         geometry={},
@@ -81,8 +72,8 @@ def pooled_document(pooled: PooledFit, tables: Sequence[str], trajectory: Trajec
 def _clips(pooled: PooledFit, tables: Sequence[str]) -> ClipsEntry:
     return ClipsEntry(
         shared=list(pooled.shared),
-        scatter={name: _population(population) for name, population in pooled.scatter.items()},
-        population={name: _population(population) for name, population in pooled.population.items()},
+        scatter={name: PopulationEntry.of(population) for name, population in pooled.scatter.items()},
+        population={name: PopulationEntry.of(population) for name, population in pooled.population.items()},
         clips=[
             ClipEntry(
                 table=table,
@@ -98,29 +89,19 @@ def _clips(pooled: PooledFit, tables: Sequence[str]) -> ClipsEntry:
     )
 
 
-def _population(population: Population) -> PopulationEntry:
-    return PopulationEntry(
-        mean=entry_of(population.mean),
-        between=entry_of(population.between),
-        within=known_number(population.within),
-        q=known_number(population.q),
-        degrees=population.degrees,
-        p_value=known_number(population.p_value),
-    )
-
-
 def _parts(fits: Sequence[FitResult], name: str) -> Array:
     return np.array([getattr(fitted, name) for fitted in fits])
 
 
-def _mean_square(fits: Sequence[FitResult], name: str, column: int) -> float | None:
-    return known_number(np.sqrt(np.mean(_parts(fits, name)[:, column] ** 2))) if fits else None
+def _by_quantity(fits: Sequence[FitResult], name: str, count: int) -> Array:
+    """Root mean square over all fits of each of ``count`` quantities, in its unit; NaN without any fit."""
+    return np.sqrt(np.mean(_parts(fits, name) ** 2, axis=0)) if fits else np.full(count, np.nan)
 
 
 def _overall(fits: Sequence[FitResult], name: str) -> float | None:
     """Root mean square over all fits and quantities; None where the quantities differ in unit."""
     same_unit = bool(fits) and len({quantity.unit for quantity in fits[0].model.observed}) == 1
-    return known_number(np.sqrt(np.mean(_parts(fits, name) ** 2))) if same_unit else None
+    return float(np.sqrt(np.mean(_parts(fits, name) ** 2))) if same_unit else None
 
 
 def selection_document(choice: ModelChoice, origin: Trajectory) -> FitDocument:
@@ -136,24 +117,12 @@ def selection_document(choice: ModelChoice, origin: Trajectory) -> FitDocument:
     first = choice.nearest
     if first.fit is None:
         raise ValueError("a choice without any fit has no document")
-    ranking = [
-        CandidateEntry(
-            model=candidate.model,
-            observable=candidate.observable,
-            heldout=known_number(candidate.heldout),
-            residual=known_number(candidate.residual),
-            bic=known_number(candidate.bic),
-            adequate=candidate.adequate,
-            note=candidate.note,
-        )
-        for candidate in choice.ranking
-    ]
     entry = SelectionEntry(
         message=choice.message,
         chosen=None if choice.chosen is None else choice.chosen.model,
-        heldout_margin=known_number(choice.heldout_margin),
-        bic_margin=known_number(choice.bic_margin),
-        ranking=ranking,
+        heldout_margin=choice.heldout_margin,
+        bic_margin=choice.bic_margin,
+        ranking=[CandidateEntry.of(candidate) for candidate in choice.ranking],
     )
     changes = {
         "verdict": VerdictEntry.of(choice.verdict),

@@ -13,7 +13,7 @@ CALL = re.compile(r"[A-Za-z_.]\s*\(|[|!]")
 
 
 def is_formula(text: str) -> bool:
-    """Whether a spreadsheet runs this cell: it begins as a formula does, and is no number with its error."""
+    """Whether a spreadsheet runs this cell: it begins as a formula does, and is not a number with its error."""
     return text.startswith(ALWAYS) or (text.startswith(SIGNS) and CALL.search(text) is not None)
 
 

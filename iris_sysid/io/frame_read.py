@@ -43,7 +43,7 @@ def from_frame(frame: pd.DataFrame, columns: Mapping[str, str] | None = None) ->
     Raises
     ------
     DataError
-        When a unit is missing or unknown, a cell is no number, or times do not increase.
+        When a unit is missing or unknown, a cell is not a number, or times do not increase.
 
     Examples
     --------

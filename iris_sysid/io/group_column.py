@@ -10,7 +10,7 @@ GROUP_TITLES = (
     "group", "groups", "group_name", "gruppe", "groupe", "grupo", "gruppo", "team", "id", "run", "trial", "versuch",
     "lauf", "clip", "pupil", "student", "student_id", "series", "serie", "drop",
 )  # fmt: skip
-MIN_ROWS = 3  # of a group, on average: fewer are no motion, so that the column does not name groups
+MIN_ROWS = 3  # of a group, on average: fewer are not a motion, so that the column does not name groups
 
 
 def names_groups(title: str) -> bool:

@@ -52,7 +52,7 @@ def read_group(path: str | Path, column: str, name: str, columns: Mapping[str, s
     Raises
     ------
     DataError
-        When the column or the group is not there, or its rows are no trajectory.
+        When the column or the group is not there, or its rows are not a trajectory.
     """
     cells = read_cells(path)
     k = _group_column(cells, titles_of(cells), column)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -21,18 +21,15 @@ from iris_sysid.io.schemas import (
     FittedQuantity,
     FittedSegment,
     IdentifiabilityEntry,
-    Number,
-    ProblemEntry,
     UsedSamples,
-    VerdictEntry,
-    known_number,
-    known_numbers,
+    why_null,
 )
 from iris_sysid.types import (
     Array,
     Estimate,
     FitResult,
     FitStatus,
+    Quantity,
     Segment,
     Trajectory,
 )
@@ -87,25 +84,15 @@ def read_document(path: str | Path, kind: type[Kind]) -> Kind:
     """Read and check the JSON file at ``path`` as a document of class ``kind``; DataError names the first bad key."""
     data = read_file(path)
     try:
-        return kind.model_validate_json(_present_version(data.removeprefix(b"\xef\xbb\xbf"), kind))
+        return kind.model_validate_json(data.removeprefix(b"\xef\xbb\xbf"))
     except ValidationError as error:
         raise DataError(f"{path}: {_first_problem(error, kind)}") from error
-
-
-def _present_version(text: bytes, kind: type[Document]) -> bytes:
-    """JSON text with the keys of the present version of a document; as it is where it cannot be brought there."""
-    try:
-        content = json.loads(text)
-        upgraded = kind.upgraded(content) if isinstance(content, dict) else content
-    except (ValueError, TypeError, KeyError, AttributeError, RecursionError):  # the validation says what is wrong
-        return text
-    return text if upgraded is content else json.dumps(upgraded).encode()
 
 
 def checked(kind: type[Kind], **values: Any) -> Kind:
     """Make a document of class ``kind`` from its ``values``; DataError names the first one that does not fit."""
     try:
-        return kind(**values)
+        return kind.of(values)
     except ValidationError as error:
         raise DataError(_first_problem(error, kind)) from error
 
@@ -126,37 +113,18 @@ def _first_problem(error: ValidationError, kind: type[Document]) -> str:
 # --------------------------------------------------------------------------- fit.json
 
 
-def entry_of(estimate: Estimate, note: str = "") -> EstimateEntry:
-    """The Estimate as an entry of a document; NaN and infinity become null, and ``note`` says why."""
-    return EstimateEntry(
-        value=known_number(estimate.value),
-        stderr=known_number(estimate.stderr),
-        ci95=known_numbers(estimate.interval),
-        unit=estimate.unit,
-        measurement_type=estimate.measurement_type,  # type: ignore[arg-type]  # checked here
-        source=estimate.source,
-        note=note,
-    )
-
-
 def entries_of(estimates: Mapping[str, Estimate], status: FitStatus | None = None) -> dict[str, EstimateEntry]:
     """Estimates by name as entries; the ``status`` of the fit says why a number is null. DataError names a bad one."""
+    because = "" if status is None else f" (fit status {status}; see message)"
     entries = {}
     for name, estimate in estimates.items():
         try:
-            entries[name] = entry_of(estimate, _why_null(estimate, status))
+            entries[name] = EstimateEntry.model_validate(estimate).model_copy(
+                update={"note": why_null(estimate, because)}
+            )
         except ValidationError as error:
             raise DataError(f"{name}: {_first_problem(error, Document)}") from error
     return entries
-
-
-def _why_null(estimate: Estimate, status: FitStatus | None) -> str:
-    because = "" if status is None else f" (fit status {status}; see message)"
-    if not math.isfinite(estimate.value):
-        return f"no value was found{because}"
-    if not math.isfinite(estimate.stderr):
-        return f"the data do not determine its standard error{because}"
-    return ""
 
 
 def fit_document(result: FitResult, trajectory: Trajectory | None = None) -> FitDocument:
@@ -187,20 +155,17 @@ def fit_document(result: FitResult, trajectory: Trajectory | None = None) -> Fit
         equation=result.model.equation,
         status=result.status,
         message=result.message,
-        verdict=VerdictEntry.of(result.verdict),
-        problems=[ProblemEntry.of(problem) for problem in result.problems],
+        verdict=result.verdict,
+        problems=result.problems,
         parameters=entries_of(result.estimates, result.status),
-        free=list(result.free),
-        covariance=[known_numbers(row) for row in np.asarray(result.covariance)],
-        budget={name: {key: known_number(part) for key, part in row.items()} for name, row in result.budget.items()},
+        free=result.free,
+        covariance=result.covariance,
+        budget=result.budget,
         **_goodness(result),
         samples=_samples(result, trajectory),
         segments=[] if trajectory is None else [_segment(segment, result) for segment in trajectory.segments],
         geometry={} if trajectory is None else entries_of(trajectory.geometry),
-        intervals={
-            method: {name: known_numbers(ends) for name, ends in intervals.items()}
-            for method, intervals in result.intervals.items()
-        },
+        intervals=result.intervals,
         identifiability=_identifiability(result),
         origin=plain_origin(result.origin or (trajectory.origin if trajectory else {})),
     )
@@ -250,18 +215,14 @@ def _identifiability(result: FitResult) -> IdentifiabilityEntry | None:
     identifiability = result.identifiability
     if identifiability is None:
         return None
-    return IdentifiabilityEntry(
-        names=list(identifiability.names),
-        fisher=[known_numbers(row) for row in result.fisher],
-        condition=known_number(identifiability.condition),
-        undetermined=list(identifiability.undetermined),
-        weakest=identifiability.weakest,
-        hessian=None if identifiability.hessian is None else [known_numbers(row) for row in identifiability.hessian],
-        hessian_condition=known_number(identifiability.hessian_condition),
-        gradients=known_numbers(list(identifiability.gradients)),
-        ode_residual=known_numbers(identifiability.ode_residual),
-        ode_residual_noise=known_numbers(identifiability.ode_residual_noise),
-    )
+    own = {name: getattr(identifiability, name) for name in IdentifiabilityEntry.model_fields if name != "fisher"}
+    return IdentifiabilityEntry.of({**own, "fisher": result.fisher})
+
+
+def fitted_quantities(quantities: Sequence[Quantity], noise: Array, rms: Array) -> list[FittedQuantity]:
+    """The observed quantities (d,) with the noise (d,) and the residual (d,) of each, in its unit."""
+    rows = zip(quantities, noise, rms, strict=True)
+    return [FittedQuantity.of({**asdict(quantity), "noise": own, "rms": rest}) for quantity, own, rest in rows]
 
 
 def _goodness(result: FitResult) -> dict[str, Any]:
@@ -271,21 +232,12 @@ def _goodness(result: FitResult) -> dict[str, Any]:
         "noise": _root_mean_square(result.noise) if one_unit else None,
         "rms": _root_mean_square(result.rms) if one_unit else None,
         "n": result.n,
-        "quantities": [
-            FittedQuantity(
-                name=quantity.name,
-                unit=quantity.unit,
-                symbol=quantity.symbol,
-                noise=known_number(noise),
-                rms=known_number(rms),
-            )
-            for quantity, noise, rms in zip(observed, result.noise, result.rms, strict=True)
-        ],
-    } | {name: known_number(getattr(result, name)) for name in ("aic", "bic", "condition", "correlation", "t0_s")}
+        "quantities": fitted_quantities(observed, result.noise, result.rms),
+    } | {name: getattr(result, name) for name in ("aic", "bic", "condition", "correlation", "t0_s")}
 
 
-def _root_mean_square(parts: Array) -> Number:
-    return known_number(np.sqrt(np.mean(np.square(parts))))
+def _root_mean_square(parts: Array) -> float:
+    return float(np.sqrt(np.mean(np.square(parts))))
 
 
 def _samples(result: FitResult, trajectory: Trajectory | None) -> UsedSamples:
@@ -308,10 +260,7 @@ def _samples(result: FitResult, trajectory: Trajectory | None) -> UsedSamples:
 
 def _segment(segment: Segment, result: FitResult) -> FittedSegment:
     return FittedSegment(
-        label=segment.label,
-        start=segment.start,
-        stop=segment.stop,
-        reason=segment.reason,
+        **asdict(segment),
         start_s=float(result.t_s[segment.start]),
         stop_s=float(result.t_s[segment.stop - 1]),
         n_used=int(result.used[segment.start : segment.stop].sum()),

@@ -45,7 +45,7 @@ def kernel(
 def _once_a_type(compiled: Any) -> Any:
     """Make numba compile a kernel once for each set of types, not again for each constant that another kernel gives it.
 
-    A ball followed for the first time was compiled for 80 s, of which 10 were repeats.
+    A ball followed for the first time was compiled for 80 s; 10 of these were repeats.
     """
     template_for = compiled.get_call_template
     compiled.get_call_template = lambda given, named: template_for(

@@ -157,7 +157,7 @@ def _read(source: str | Path, label: str) -> tuple[bytes, Sequence[str]]:
     """The XML of the project, and the names of the files packed with it."""
     path, wanted = member_of(source)
     if path.exists() and not path.is_file():  # a device or pipe may never end
-        raise CalibrationError(f"cannot read {label}: it is no ordinary file")
+        raise CalibrationError(f"cannot read {label}: it is not an ordinary file")
     try:
         if path.suffix.lower() not in (".trz", ".zip"):
             _check_size(path.stat().st_size, label)
@@ -168,7 +168,7 @@ def _read(source: str | Path, label: str) -> tuple[bytes, Sequence[str]]:
     except OSError as error:
         raise CalibrationError(f"cannot read {label}: {error.strerror or error}") from error
     except ZIP_TROUBLE as error:
-        raise CalibrationError(f"{label} is no archive that can be unpacked: {error}") from error
+        raise CalibrationError(f"{label} is not an archive that can be unpacked: {error}") from error
 
 
 def _the_project(archive: zipfile.ZipFile, wanted: str | None, label: str) -> zipfile.ZipInfo:

@@ -50,7 +50,7 @@ def read_cells(path: str | Path) -> Cells:
     """Read a table: text with commas, semicolons, tabs or spaces, the only filled Excel sheet, or arrays (.mat, .npy).
 
     ``FILE.xlsx:SHEET`` names one of several sheets. Text is UTF-8, UTF-16 or Windows-1252; blank lines and lines that
-    begin with ``#``, ``//``, ``%`` or ``!`` are skipped. Raises DataError for what is no table.
+    begin with ``#``, ``//``, ``%`` or ``!`` are skipped. Raises DataError for anything but a table.
     """
     file, sheet = _file_and_sheet(str(path))
     data = read_file(file)

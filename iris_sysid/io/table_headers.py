@@ -1,8 +1,8 @@
 """What the columns of a table mean: name and unit from its header in the words of any program, or as the user says.
 
-The columns that are understood get the names of this project's own tables, ``theta_deg`` for ``Winkel (°)``, and what
-was understood is said. A unit is never assumed in silence: a position without one is refused with the option that
-states it, a time without one is in seconds and said to be so.
+The columns that are understood get the names of this project's own tables, ``theta_deg`` for ``Winkel (°)``, and a note
+states what was understood. A unit is never assumed in silence: a position without one is refused with the option that
+states it, a time without one is in seconds, with a note.
 """
 
 from __future__ import annotations
@@ -65,12 +65,12 @@ QUANTITIES: Mapping[str, str] = {
     **dict.fromkeys(("z", "height", "hohe", "altura", "altezza", "hauteur", "elevation"), "z"),
     **dict.fromkeys(("level", "liquid_level", "fullhohe", "nivel"), "h"),
 }
-LONGEST_TITLE = 300  # characters; a longer one is no name with a unit
+LONGEST_TITLE = 300  # characters; a longer one is not a name with a unit
 FRAMES = ("frame", "frames", "bild", "image", "index", "step")
 BRACKETED = re.compile(r"(?P<name>.*?)\s*[\(\[]\s*(?P<unit>[^()\[\]]*?)\s*[\)\]]\s*")
 RATE = r"(?:/s(?:\^?[23]|²)?)?"
 DIVIDED = re.compile(rf"(?P<name>.*?)(?:\s*/\s*|\s+in\s+)(?P<unit>[^\s/]+{RATE})\s*")
-ENDING = re.compile(rf"(?P<name>.*?)[_\s]+(?P<unit>(?![AVNKWL1]\b)[^\s/_]+{RATE})\s*")  # ball_A is no current
+ENDING = re.compile(rf"(?P<name>.*?)[_\s]+(?P<unit>(?![AVNKWL1]\b)[^\s/_]+{RATE})\s*")  # ball_A is not a current
 OWN = re.compile(r"(?P<name>[uy][0-9]*)_(?P<unit>\S+)")  # u_V is a voltage, as in a table of this project
 STATED = re.compile(
     r"(?P<name>[A-Za-z]\w*)\s*(?:\[\s*(?:(?P<share>1/)?(?P<factor>-?[0-9]+\.?[0-9]*(?:[eE][-+]?[0-9]+)?)\s+)?(?P<unit>[^\]]*)\])?"
@@ -195,7 +195,7 @@ def _filled(groups: Sequence[str]) -> list[str]:
 
 
 def _unit(text: str) -> tuple[str, float] | None:
-    """The unit's name in a column and a factor to it; None where it is no unit."""
+    """The unit's name in a column and a factor to it; None where it is not a unit."""
     plain = unicodedata.normalize("NFKD", text.strip().strip("()[] ").replace("²", "^2").replace("³", "^3"))
     plain = "".join(letter for letter in plain if not unicodedata.combining(letter))
     spelled = re.sub(r"/s\^?([23])$", r"_s\1", plain).replace("/s", "_s")
@@ -282,7 +282,7 @@ def _upwards(meanings: list[Meaning]) -> list[Meaning]:
 
 
 def _time(cells: Cells, titles: Sequence[str], numeric: Sequence[int]) -> Meaning:
-    """The column of the times; in seconds where it states no unit, which is said with what was read."""
+    """The column of the times; in seconds where it states no unit, which the notes on what was read state."""
     for k in numeric:
         name, unit = _taken_apart(titles[k])
         if _plain(name) in TIMES and (unit is None or unit[0] in TIME_UNITS):

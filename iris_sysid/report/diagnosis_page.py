@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict
 from pathlib import Path
 
 from iris_sysid.diagnosis.planning.plan import Plan
-from iris_sysid.io.components_json import components_entry, finding_entry
 from iris_sysid.io.discovery_json import term_entry
 from iris_sysid.io.json_documents import checked, entries_of, fit_document, plain_origin, write_document
-from iris_sysid.io.schemas import DiagnosisDocument, ValidationEntry, VerdictEntry, known_number
+from iris_sysid.io.schemas import DiagnosisDocument, ValidationEntry
 from iris_sysid.io.validation_json import validation_entry
 from iris_sysid.report.clip_page import MOST_VALUES, write_page
 from iris_sysid.report.component_figure import component_caption, component_figure
@@ -97,27 +95,23 @@ def diagnosis_document(
         {"base": fit_document(base, clip), "final": fit_document(final, clip), "origin": plain_origin(clip.origin)}
         for base, final, clip in zip(diagnosis.bases, diagnosis.finals, clips, strict=True)
     ]
-    limits = [{**asdict(limit), "upper_95": known_number(limit.upper_95)} for limit in diagnosis.ruled_out]
-    errors = {
-        when: {name: known_number(error) for name, error in asdict(errors).items()}
-        for when, errors in (("before", diagnosis.before), ("after", diagnosis.after))
-    }
     return checked(
         DiagnosisDocument,
         sentence=diagnosis_sentence(diagnosis),
-        components=components_entry(diagnosis.components),
-        remaining=components_entry(diagnosis.remaining),
-        findings=[finding_entry(finding) for finding in diagnosis.findings],
+        components=diagnosis.components,
+        remaining=diagnosis.remaining,
+        findings=diagnosis.findings,
         nuisances=[effect.name for effect in diagnosis.nuisances],
-        verdict=VerdictEntry.of(diagnosis.verdict),
+        verdict=diagnosis.verdict,
         **first,
         added=added,
-        indistinguishable={name: list(others) for name, others in diagnosis.indistinguishable.items()},
-        probabilities={name: dict(shares) for name, shares in diagnosis.probabilities.items()},
-        causes={name: dict(shares) for name, shares in diagnosis.causes.items()},
-        ruled_out=limits,
-        **errors,
-        noise_floor=known_number(diagnosis.noise_floor),
+        indistinguishable=diagnosis.indistinguishable,
+        probabilities=diagnosis.probabilities,
+        causes=diagnosis.causes,
+        ruled_out=diagnosis.ruled_out,
+        before=diagnosis.before,
+        after=diagnosis.after,
+        noise_floor=diagnosis.noise_floor,
         unit=diagnosis.unit,
         proposed=[term_entry(term) for term in diagnosis.proposed],
         notes=[note.text for note in diagnosis.notes],

@@ -97,7 +97,7 @@ def blend(plane: Plane, canvas: Canvas, tone: float, opacity: float, shading: Ar
     canvas
         Holds the coverage; is zero afterwards.
     tone, opacity
-        Grey level of the shape, and how much of what lies behind it is hidden (0 to 1).
+        Grey level of the shape, and how much of the picture behind it is hidden (0 to 1).
     shading
         (6,): centre x, y (px), 1/radius (1/px), gradient along x, along y, darkening towards the limb.
     """
@@ -118,7 +118,7 @@ def blend_pair(planes: tuple[Plane, Plane], canvas: Canvas, tones: tuple[float, 
     tones
         Level of the shape in each plane.
     opacity
-        How much of what lies behind is hidden (0 to 1).
+        How much of the picture behind is hidden (0 to 1).
     """
     top, bottom = canvas.rows
     _blend_pair_rows(*planes, canvas.area, canvas.first, canvas.last, top, bottom, *tones, opacity)

@@ -58,12 +58,12 @@ class Wall:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Stage:
-    """A scene made ready: what is seen, what stands still, what moves, and what is true.
+    """A scene made ready: the picture, its resting and moving layers, and the truth.
 
     ``props`` are painted once, ``layers`` in every frame, both in order. ``stated`` are the parameters a user would
     be told, ``hidden`` those that hidden effects make different in the equation of motion. ``phase`` names what
     happens at each time: ``hand``, ``motion``, ``contact`` or ``rest``; ``happened`` lists events as (time, name).
-    Where ``light`` is given, the layers stand still and shine by so much of what they are painted as: their light is
+    Where ``light`` is given, the layers stand still and shine by this fraction of their paint: their light is
     added to that of the rest, and the sum is coded by the camera's curve.
     """
 

@@ -38,7 +38,7 @@ class Sensor:
         frame to frame.
         """
         read, shot = self.look.read_noise**2, self.look.shot_noise
-        # the level of a colour plane is no brightness: take the noise of mid grey
+        # the level of a colour plane is not a brightness: take the noise of mid grey
         colour = (COLOUR_NOISE**2 * (read + MID_GREY * shot), 0.0)
         for plane, target, variance in zip(
             (planes.luma, planes.blue, planes.red), out, ((read, shot), colour, colour), strict=True

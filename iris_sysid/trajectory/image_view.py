@@ -29,7 +29,7 @@ STEP = 1e-3  # of the extent of the motion, for the derivatives of the map to th
 def image_view(
     trajectory: Trajectory, track: Track, calibration: Calibration, image_size: tuple[int, int] | None = None
 ) -> View | None:
-    """How the quantities of a trajectory lie in the image; None where they are no places in it.
+    """How the quantities of a trajectory lie in the image; None where they are not positions in it.
 
     The map from the plane of motion to the image is taken as linear about the middle of the motion.
 
@@ -95,7 +95,7 @@ def _about_pivot(trajectory: Trajectory, calibration: Calibration, slopes: Array
 
 
 def _along_line(way: Array, plane: Array, seen_px: Array, slopes: Array) -> View | None:
-    """The view of a way (n,) along the line that positions (n, 2) in the plane follow; None where it is no such way."""
+    """The view of a way (n,) along the line that positions (n, 2) in the plane follow; None where they follow none."""
     from_middle = way - way.mean()
     if not np.any(from_middle):
         return None

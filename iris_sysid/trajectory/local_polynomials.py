@@ -74,8 +74,8 @@ def noise(t_s: Array, values: Array) -> Array:
 
     It has the unit of ``values`` (n, d); ``t_s`` (n,) is in s.
 
-    Each sample is compared with the cubic through two neighbours on each side, which leaves a fourth difference: what
-    moves smoothly cancels, noise does not. The median makes it blind to outliers, impacts and rests.
+    Each sample is compared with the cubic through two neighbours on each side, which leaves a fourth difference: a
+    smooth motion cancels, noise does not. The median makes it blind to outliers, impacts and rests.
     """
     around = windows(t_s.size, 5)
     if len(around) < 2:

@@ -40,7 +40,7 @@ class Stretch:
 class BodyMotion:
     """The samples that can be judged: found, and not in a hand.
 
-    ``t_s`` are the video's times with those of frames that it lost given back, of which there are ``missing_s`` so far.
+    ``t_s`` are the video's times with those of frames that it lost given back, ``missing_s`` in all so far.
     """
 
     t_s: Array

@@ -48,7 +48,7 @@ def segment(world: Trajectory, *, hand: Mask | None = None, kind: MotionKind = "
 
     What comes before it is ``release`` and what follows ``contact``. A single sample that disagrees with neighbours
     which agree with one another is marked not valid, and the reason of the motion says so. Where frames were lost the
-    same motion goes on, ahead by their way: it is no release, and the reason says so.
+    same motion goes on, ahead by their way: it is not a release, and the reason says so.
 
     Parameters
     ----------

@@ -29,7 +29,7 @@ from iris_sysid.trajectory.white_jerk_model import (
     process_noise,
     transition,
 )
-from iris_sysid.types import Array, Mask, Smoothed, Trajectory, chi2_ppf
+from iris_sysid.types import Array, Mask, Smoothed, Trajectory
 
 GRID_DECADES = 1.0  # step of the search for the process noise; its likelihood is smooth over several decades
 
@@ -55,9 +55,9 @@ def smooth(trajectory: Trajectory, *, psd: float | Sequence[float] | None = None
     -------
     Trajectory
         With ``smoothed``: NaN before the first and after the last valid sample of a segment, and where fewer than three
-        samples leave velocities unknown. ``smoothed.nis`` is the mean of ν²/S, near 1 when motion and noise are as
-        assumed: :func:`nis_band` says how near. It is 1 by construction where sigma was estimated.
-        ``origin["nis_samples"]`` counts the innovations.
+        samples leave velocities unknown. ``smoothed.nis`` is the mean of ν²/S over the n innovations
+        that ``origin["nis_samples"]`` counts: chi-squared with n degrees of freedom, over n, when motion and noise are
+        as assumed, and 1 by construction where sigma was estimated.
 
     Raises
     ------
@@ -86,13 +86,6 @@ def smooth(trajectory: Trajectory, *, psd: float | Sequence[float] | None = None
     smoothed = _smoothed(trajectory, pieces, fitted)
     counted = sum(max(int(trajectory.valid[piece].sum()) - ORDER, 0) for piece in judged)
     return trajectory.with_(smoothed=smoothed, origin={**trajectory.origin, "nis_samples": counted})
-
-
-def nis_band(samples: int) -> tuple[float, float]:
-    """Where the mean normalised innovation squared of so many samples lies in 95 % of cases (chi-squared / samples)."""
-    if samples < 1:
-        raise DataError(f"a mean of {samples} normalised innovations has no band; at least one is needed")
-    return chi2_ppf(0.025, samples) / samples, chi2_ppf(0.975, samples) / samples
 
 
 # --------------------------------------------------------------------------- which samples belong together

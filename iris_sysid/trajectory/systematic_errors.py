@@ -15,7 +15,7 @@ from iris_sysid.types import Array, Calibration, Phenomenon, Track, Trajectory
 TIME_BASE = "time base"
 EDGE, AXIS, PIVOTS = "edge of the ball", "axis of the turn", "pivots"
 SURFACE = "surface"
-# of the standard error of a sample: what texture and blocks of a coder do to a surface while it passes so many rows; on
+# of the standard error of a sample: what texture and blocks of a coder do to a surface that passes these rows; on
 # nine synthetic clips, compressed and not, the means over 16 rows are off by 0.15 to 0.6 of it, 0.35 rms
 SURFACE_SHARE, SURFACE_ROWS_PX = 0.35, 16
 EDGE_PX = 0.1  # what blur, shading and compression do to a radius in all frames alike; on synthetic clips 0.02 to 0.16

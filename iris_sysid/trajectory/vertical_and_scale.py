@@ -42,7 +42,7 @@ def with_motion_vertical(calibration: Calibration, body: Track, kind: MotionKind
     Raises
     ------
     CalibrationError
-        When the motion is no flight, or does not fix the direction.
+        When the motion is not a flight, or does not fix the direction.
     """
     if kind != "flight":
         raise CalibrationError(

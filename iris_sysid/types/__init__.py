@@ -45,9 +45,9 @@ from iris_sysid.types._detections import LinkOptions as LinkOptions
 from iris_sysid.types._detections import Measurer as Measurer
 from iris_sysid.types._diagnosis import Diagnosis as Diagnosis
 from iris_sysid.types._diagnosis import DiagnosticNote as DiagnosticNote
-from iris_sysid.types._diagnosis import Errors as Errors
 from iris_sysid.types._diagnosis import Limit as Limit
 from iris_sysid.types._diagnosis import NoteKind as NoteKind
+from iris_sysid.types._diagnosis import PredictionErrors as PredictionErrors
 from iris_sysid.types._diagnosis import Score as Score
 from iris_sysid.types._discovery import DiscoveredEquation as DiscoveredEquation
 from iris_sysid.types._discovery import DiscoveredTerm as DiscoveredTerm

@@ -138,7 +138,7 @@ FindingWord = Literal["named", "group", "located", "open"]
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Finding:
-    """What is said of one part of the residual.
+    """The finding on one part of the residual.
 
     ``named``: the effect and its formula. ``group``: one of ``effects``, which the data do not tell apart. ``located``:
     the component is known, but no formula of the library fits it. ``open``: something is missing, and the data do not

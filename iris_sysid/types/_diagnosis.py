@@ -91,7 +91,7 @@ class Limit:
 
 
 @dataclass(frozen=True, slots=True)
-class Errors:
+class PredictionErrors:
     """Root mean square of the residual, in the observed unit: over the samples fitted, and over those held out.
 
     Blocks of each clip are left out in turn, as a whole, and predicted by the fit to the rest. With several clips, the
@@ -145,8 +145,8 @@ class Diagnosis(Shown):
     rounds: tuple[tuple[Score, ...], ...]
     indistinguishable: Mapping[str, tuple[str, ...]]
     ruled_out: tuple[Limit, ...]
-    before: Errors
-    after: Errors
+    before: PredictionErrors
+    after: PredictionErrors
     noise_floor: float
     unit: str
     proposed: tuple[DiscoveredTerm, ...] = ()
@@ -212,7 +212,7 @@ class Diagnosis(Shown):
         return Completeness(fitted.explained, False, self.residual_ratio, rest)
 
     def _unsure(self) -> list[str]:
-        """The added effects instead of which another one may act."""
+        """The added effects that another one may replace."""
         return [
             effect.name
             for effect in self.added

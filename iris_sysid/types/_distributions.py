@@ -23,35 +23,35 @@ def normal_isf(level: float) -> float:
 
 
 def student_ppf(level: float, degrees: float) -> float:
-    """Value that Student's t of so many degrees of freedom stays below with probability ``level``."""
+    """Value that Student's t with ``degrees`` of freedom stays below with probability ``level``."""
     from scipy.special import stdtrit
 
     return float(stdtrit(degrees, level))
 
 
 def student_sf(value: float, degrees: float) -> float:
-    """Probability that Student's t of so many degrees of freedom exceeds a value."""
+    """Probability that Student's t with ``degrees`` of freedom exceeds a value."""
     from scipy.special import stdtr
 
     return float(stdtr(degrees, -value))
 
 
 def chi2_sf(value: float, degrees: float) -> float:
-    """Probability that chi-square of so many degrees of freedom exceeds a value."""
+    """Probability that chi-square with ``degrees`` of freedom exceeds a value."""
     from scipy.special import chdtrc
 
     return float(chdtrc(degrees, value))
 
 
 def chi2_isf(level: float, degrees: float) -> float:
-    """Value that chi-square of so many degrees of freedom exceeds with probability ``level``."""
+    """Value that chi-square with ``degrees`` of freedom exceeds with probability ``level``."""
     from scipy.special import chdtri
 
     return float(chdtri(degrees, level))
 
 
 def chi2_ppf(level: float, degrees: float) -> float:
-    """Value that chi-square of so many degrees of freedom stays below with probability ``level``."""
+    """Value that chi-square with ``degrees`` of freedom stays below with probability ``level``."""
     from scipy.special import gammaincinv
 
     return float(2.0 * gammaincinv(degrees / 2.0, level))

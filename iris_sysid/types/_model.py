@@ -184,8 +184,8 @@ class OdeModel(Portable):
     def taken_from(self, trajectory: Trajectory) -> tuple[Trajectory, str]:
         """The trajectory with its only fitting quantity under the name that the model observes, and what to say of it.
 
-        A model of one quantity takes the only one of its unit, whatever its name. What is not used is said; the text
-        is empty where everything is used under its own name.
+        A model of one quantity takes the only one of its unit, whatever its name. The text names what is
+        not used; it is empty where everything is used under its own name.
         """
         observed = [quantity.name for quantity in self.observed]
         idle = [quantity.name for quantity in trajectory.quantities if quantity.name not in observed]

@@ -12,7 +12,7 @@ Item = TypeVar("Item")
 def with_progress(
     items: Iterable[Item], progress: Progress | None, expected: int, *, every: int = 1, done: int = 0
 ) -> Iterator[Item]:
-    """Yield the items, and report after every so many of them, and after the last.
+    """Yield the items, and report each time ``every`` more of them are done, and after the last.
 
     An item counts as done when the next one is requested, that is, at the end of the loop's body.
 

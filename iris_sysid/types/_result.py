@@ -37,7 +37,7 @@ class FitProblem:
     """Why a fit gave no estimates, or why they need care.
 
     ``reason`` is a code for programs. ``finding`` describes the problem in one clause, ``detail`` adds the numbers, and
-    ``remedy`` is a sentence with the action to take. ``to_set`` names values one of which helps when it is known
+    ``remedy`` is a sentence with the action to take. ``to_set`` names values; knowing one of them helps
     (``fixed`` of :func:`iris_sysid.fit`, ``--set``), ``to_start`` those that want a better start (``start``,
     ``--start-at``).
     """

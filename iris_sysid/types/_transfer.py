@@ -100,7 +100,7 @@ def transfer_tagged(tag: str) -> Transfer | None:
 
 
 def assumed_transfer() -> Transfer:
-    """The curve of a camera of which nothing is known: sRGB's, with a wide uncertainty of its exponent."""
+    """The curve of an unknown camera: sRGB's, with a wide uncertainty of its exponent."""
     return Transfer("srgb", stderr=ASSUMED_STDERR, source="assumed")
 
 

@@ -48,7 +48,7 @@ VerdictWord = Literal["good", "doubtful", "failed"]
 VERDICT_WORDS: tuple[VerdictWord, ...] = get_args(VerdictWord)  # the best first
 SPOKEN: Mapping[VerdictWord, str] = {"good": "usable", "doubtful": "doubtful", "failed": "failed"}
 OF_THE_EQUATION: tuple[DoubtKind, ...] = ("residual-above-noise", "incomplete")
-MOST_ACCURACIES = 3  # values whose accuracy the text gives
+MAX_ACCURACIES = 3  # values whose accuracy the text gives
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,7 +141,7 @@ class Verdict:
     @property
     def accuracy_text(self) -> str:
         """The relative standard errors, e.g. ``length good to 0.7 %, mass to 12 %``; empty without any."""
-        some = list(self.accuracy.items())[:MOST_ACCURACIES]
+        some = list(self.accuracy.items())[:MAX_ACCURACIES]
         return ", ".join(
             f"{name.replace('_', ' ')} {'to' if k else 'good to'} {100 * error:.2g} %"
             for k, (name, error) in enumerate(some)

@@ -36,7 +36,7 @@ class View:
     and ``up_px`` are the images of one unit, or of one lever's length. ``size_px`` is width and height of the picture,
     ``axis_px`` where the optical axis meets it, ``focal_px`` the focal length. ``pivot`` says where the pivot of an
     angle comes from: it was ``marked`` in the image, or is the centre of the circle through the ``arc`` of the motion,
-    of a fitted or of a known radius. ``measured`` is False for :meth:`assumed`, of which only the kind is known.
+    of a fitted or of a known radius. ``measured`` is False for :meth:`assumed`, where only the kind is known.
     """
 
     kind: ViewKind

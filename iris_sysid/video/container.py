@@ -18,10 +18,9 @@ from av.video.stream import VideoStream
 
 from iris_sysid.errors import VideoError
 from iris_sysid.video.completeness import EMPTY_PACKET_BYTES, Promise, Tally, promise_of, what_is_missing
-from iris_sysid.video.container_ends import what_is_cut
+from iris_sysid.video.container_ends import boxes, truncation_reason
 from iris_sysid.video.even_times import EvenTimes, even_times, is_coarse
 from iris_sysid.video.pixel_formats import Orientation, coding_of, orientation_of
-from iris_sysid.video.sample_tables import boxes
 
 MAX_SIDE_PX = 16384
 MAX_PIXELS = 2**28
@@ -83,7 +82,7 @@ class ContainerSource:
     @cached_property
     def cut(self) -> str:
         """Why the file's structure does not go on to its end; empty where it does, or its format does not tell."""
-        return what_is_cut(self.path, str(self.facts["format"]))
+        return truncation_reason(self.path, str(self.facts["format"]))
 
     def images(self) -> Generator[tuple[float | None, av.VideoFrame]]:
         """Every image in display order with its time in s (None where the file has none).
@@ -288,8 +287,7 @@ def _has_box(path: Path, kind: bytes) -> bool:
     """Whether an MP4 has a whole top-level box of that kind."""
     size = path.stat().st_size
     with path.open("rb") as file:
-        found = (start + length <= size for name, start, length in boxes(file, 0, size) if name == kind)
-        return next(found, False)
+        return any(name == kind and end <= size for name, end in boxes(file, size))
 
 
 # --------------------------------------------------------------------------- decoding

@@ -121,7 +121,7 @@ def test_rows_read_back_exactly(tmp_path):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (("0.51", "half"), "value is 'half', which is no number"),
+        (("0.51", "half"), "value is 'half', which is not a number"),
         (("study,", "kind,"), "has no column 'study'"),
         (("identifiability", "magic"), "is of no known study"),
         ((",ok,", ",ok,,"), "fields where the header has"),

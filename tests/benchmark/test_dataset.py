@@ -5,11 +5,11 @@ import os
 import pytest
 
 from iris_sysid.benchmark.dataset import benchmark_classes, list_clips
-from iris_sysid.benchmark.sources.folder import PARAMETERS
 from iris_sysid.benchmark.sources.published import truths
 from iris_sysid.errors import DataError
 from iris_sysid.registry import MODELS, PHENOMENA
 from iris_sysid.synthetic import SCENES
+from validation.audit.folder import PARAMETERS
 
 
 def put(folder, *places):
@@ -67,7 +67,7 @@ def test_dataset_odd_files_are_left_out_by_name(tmp_path):
 @pytest.mark.parametrize("place", ["missing", "file.mp4"])
 def test_dataset_that_is_no_folder_is_refused(tmp_path, place):
     put(tmp_path, "file.mp4")
-    with pytest.raises(DataError, match="is no folder that can be read"):
+    with pytest.raises(DataError, match="is not a folder that can be read"):
         list_clips(tmp_path / place)
 
 

@@ -26,7 +26,7 @@ def written(tmp_path, *rows, **more):
     [("limits", 0.002 / math.sqrt(3), 0.0019), ("standard", 0.002, 0.00392), ("expanded", 0.001, 0.002)],
 )
 def test_stated_uncertainty_is_read_as_what_it_is(tmp_path, kind, stderr, half):
-    length = read_measured(written(tmp_path, {**ROW, "kind": kind})).of("Pendulum", "pendulum_45")["rope_length"]
+    length = read_measured(written(tmp_path, {**ROW, "kind": kind})).values_of("Pendulum", "pendulum_45")["rope_length"]
     assert length.stderr == pytest.approx(stderr)
     assert length.interval == pytest.approx((0.5 - half, 0.5 + half), abs=1e-5)
 
@@ -34,8 +34,8 @@ def test_stated_uncertainty_is_read_as_what_it_is(tmp_path, kind, stderr, half):
 def test_what_is_said_of_a_setting_goes_before_what_is_said_of_all(tmp_path):
     everywhere = {**ROW, "class": "*", "setting": "*", "value": 1.0}
     document = read_measured(written(tmp_path, ROW, everywhere))
-    assert document.of("Pendulum", "pendulum_45")["rope_length"].value == 0.5
-    assert document.of("Rotation", "slow")["rope_length"].value == 1.0
+    assert document.values_of("Pendulum", "pendulum_45")["rope_length"].value == 0.5
+    assert document.values_of("Rotation", "slow")["rope_length"].value == 1.0
 
 
 @pytest.mark.parametrize(
@@ -56,11 +56,11 @@ def test_template_is_a_measured_file_with_the_published_values(tmp_path):
     path = tmp_path / "measured.json"
     path.write_text(document_text(template()), encoding="utf-8")
     document = read_measured(path)
-    measured = document.of("Sliding_cone", "cone_60")
+    measured = document.values_of("Sliding_cone", "cone_60")
     assert measured["angle"].value == truth_of("iris", "Sliding_cone", "cone_60", "angle").value
     assert measured["angle"].unit == "deg"
-    assert document.of("Two_Moving_Pendulums", "pendulum_20")["rope_length_2"].value == 0.5
-    assert document.of("Falling_ball", "small")["ball_radius"].value == 0.04
+    assert document.values_of("Two_Moving_Pendulums", "pendulum_20")["rope_length_2"].value == 0.5
+    assert document.values_of("Falling_ball", "small")["ball_radius"].value == 0.04
 
 
 def test_board_of_the_command_line_is_for_classes_without_one_of_their_own():

@@ -4,8 +4,9 @@ import re
 
 import pytest
 
-from iris_sysid.benchmark.sources.published import PublishedValue, published_values, truth_of, truths
+from iris_sysid.benchmark.sources.published import truth_of, truths
 from tests._project import publication
+from validation.audit.printed import PublishedValue, published_values
 
 VALUES = published_values()
 

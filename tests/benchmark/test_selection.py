@@ -2,9 +2,10 @@
 
 import pytest
 
-from iris_sysid.benchmark.sources.selection import read_predictions, rescored_selection, score_selection
+from iris_sysid.benchmark.sources.selection import read_predictions
 from iris_sysid.errors import DataError
 from tests._project import recording
+from validation.audit.selection import rescored_selection, score_selection
 
 CLASSES = ["dropped_ball", "free_fall", "led", "pendulum", "sliding_block", "torricelli"]
 

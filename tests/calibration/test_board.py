@@ -208,7 +208,7 @@ def test_part_of_a_larger_board_is_never_taken_for_the_board(name, size):
 
 def test_file_that_is_no_image_is_refused(tmp_path):
     (tmp_path / "a.png").write_bytes(b"not a picture")
-    with pytest.raises(CalibrationError, match="is no image that can be read"):
+    with pytest.raises(CalibrationError, match="is not an image that can be read"):
         find_board(tmp_path / "a.png", BOARD)
     with pytest.raises(CalibrationError, match="No such file"):
         find_board(tmp_path / "b.png", BOARD)
@@ -386,7 +386,7 @@ def test_picture_that_claims_more_than_any_has_is_refused(tmp_path):
     (tmp_path / "a.png").write_bytes(
         b"\x89PNG\r\n\x1a\n\0\0\0\r" + header + zlib.crc32(header).to_bytes(4) + bytes(500)
     )
-    with pytest.raises(CalibrationError, match="is no image that can be read"):
+    with pytest.raises(CalibrationError, match="is not an image that can be read"):
         find_board(tmp_path / "a.png", BOARD)
 
 
@@ -398,5 +398,5 @@ def test_piece_of_a_picture_that_claims_more_than_the_file_has_is_refused_before
     with pytest.raises(CalibrationError, match="no checkerboard is seen"):
         find_board(tmp_path / "longer.png", BOARD)
     monkeypatch.setattr("cv2.imdecode", lambda *_: pytest.fail("given to OpenCV"))
-    with pytest.raises(CalibrationError, match="is no image that can be read"):
+    with pytest.raises(CalibrationError, match="is not an image that can be read"):
         find_board(tmp_path / "a.png", BOARD)

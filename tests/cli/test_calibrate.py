@@ -270,7 +270,7 @@ def edited(document, **changes):
     [
         ({"budget": {"corners": [[1.0]]}}, DataError, "budget.corners must have 18 rows of 18 numbers"),
         ({"budget": {"corners": [[1.0, 2.0], [3.0]]}}, DataError, "budget.corners must have 18 rows of 18 numbers"),
-        ({"budget": {"corners": (-np.eye(18)).tolist()}}, DataError, "budget.corners is no covariance"),
+        ({"budget": {"corners": (-np.eye(18)).tolist()}}, DataError, "budget.corners is not a covariance"),
         ({"budget": {"corners": np.triu(np.ones((18, 18))).tolist()}}, DataError, "must be symmetric"),
         ({"camera_matrix": [[0, 0, 0], [0, 1, 0], [0, 0, 1]]}, DataError, "camera_matrix"),
         ({"camera_matrix": [[9.0, 1.0, 0.0], [0.0, 9.0, 0.0], [0.0, 0.0, 1.0]]}, DataError, "camera_matrix must be"),
@@ -290,27 +290,6 @@ def test_calibration_edited_wrongly_is_refused_with_the_reason(calibration, tmp_
     path.write_text(json.dumps(edited(json.loads(path.read_text()), **change)))
     with pytest.raises(error, match=match):
         read_calibration(path)
-
-
-@pytest.mark.parametrize(
-    ("fixed", "assumed", "source"),
-    [
-        (["scale"], ["the lens does not distort", "the vertical is the picture's"], "image"),
-        (["scale"], ["the vertical is the board's edge"], "board-edge"),
-        (["scale", "the vertical, by a plumb line"], ["the lens does not distort"], "plumb-line"),
-        (["scale"], ["the lens does not distort"], "unstated"),
-    ],
-)
-def test_calibration_of_version_1_has_the_vertical_that_its_statements_name(tmp_path, fixed, assumed, source):
-    path = write_calibration(scale(400.0, 1.0), tmp_path / "calibration.json")
-    document = {**json.loads(path.read_text()), "version": 1, "fixed": fixed, "assumed": assumed}
-    del document["vertical_source"]
-    path.write_text(json.dumps(document))
-    back = read_calibration(path)
-    assert back.vertical_source == source
-    assert not any("vertical" in text for text in (*back.fixed, *back.assumed))
-    again = read_calibration(write_calibration(back, tmp_path / "again.json"))
-    assert (again.vertical_source, again.fixed, again.assumed) == (source, back.fixed, back.assumed)
 
 
 def test_calibration_of_homography_and_scale_alone_has_the_scales_error(tmp_path):

@@ -52,7 +52,8 @@ def test_discover_refuses_the_residual_of_a_model_of_something_else(tmp_path, an
     outcome = cli("discover", angles, "--residual-of", "torricelli", "-o", tmp_path / "lacking.json")
     assert outcome.status == 1
     assert (
-        "'torricelli' is no model of theta that the library can express; there are: angular-oscillator, " in outcome.err
+        "'torricelli' is not a model of theta that the library can express; there are: angular-oscillator, "
+        in outcome.err
     )
 
 

@@ -21,7 +21,7 @@ Extended: TypeAlias = NDArray[np.longdouble]
 Formula = Callable[[Any, Any], Any]  # (x (n,) or (n, m), b (k,)) -> y (n,); complex b give complex y
 
 COMPLEX_STEP = 1e-30  # of a parameter: no difference is taken, so it may be as small as one likes
-MOST_POLISHED = 12  # minima
+MAX_POLISHED = 12  # minima
 NEARLY, SAME, ROUNDING = 1.5, 1e-9, 1e-12  # rms that may belong to one minimum, and that does; in units of the data
 FLIPPED = 100.0  # a parameter of the other sign is as far as one e^10 times as large
 POLISH = 30  # repetitions from the minimum found, each at least one more step of Gauss and Newton
@@ -120,7 +120,7 @@ def _best(problem: InitialValueProblem, target: Target, unknowns: Unknowns, star
         (solution for solution in solutions if np.isfinite(solution.rms)), key=lambda solution: solution.rms
     )
     deepest: list[Solution] = []
-    for refined in solutions[:MOST_POLISHED]:
+    for refined in solutions[:MAX_POLISHED]:
         for _ in range(POLISH if refined.rms <= NEARLY * solutions[0].rms or len(deepest) < 3 else 0):
             refined = minimise(problem, target, unknowns, refined.values)
         deepest.append(refined)

@@ -5,20 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.integrate import DOP853, solve_ivp
+from scipy.integrate import solve_ivp
 from scipy.special import ellipk
 
 from fitters.integrator.compile_rhs import compiled_rhs
-from fitters.integrator.dop853_coefficients import (
-    ERROR_3,
-    ERROR_5,
-    EXTENSION,
-    EXTENSION_NODES,
-    NODES,
-    POLYNOMIAL,
-    STAGES,
-    WEIGHTS,
-)
 from fitters.integrator.dormand_prince import ORDER, kernel
 from fitters.integrator.initial_value_problem import initial_value_problem
 from fitters.ode import sensitivity, simulate
@@ -318,15 +308,6 @@ def test_kernel_with_no_place_on_disk_is_compiled_in_memory():
     namespace = {}
     exec("def twice(x):\n    return 2 * x", namespace)  # numba finds no file to cache it beside
     assert kernel()(namespace["twice"])(4) == 8
-
-
-def test_coefficients_are_those_of_scipy():
-    assert np.array_equal(NODES, DOP853.C[:STAGES])
-    assert np.array_equal(WEIGHTS, np.vstack([DOP853.A[:STAGES, :STAGES], DOP853.B[:STAGES]]))
-    assert np.array_equal(EXTENSION_NODES, DOP853.C_EXTRA)
-    assert np.array_equal(EXTENSION, DOP853.A_EXTRA)
-    assert np.array_equal(POLYNOMIAL, DOP853.D)
-    assert np.array_equal([ERROR_5, ERROR_3], [DOP853.E5, DOP853.E3])
 
 
 LONG_RECORD_S = np.delete(np.arange(0.0, 250.0, 0.01), np.s_[9000:9700])  # 25,000 samples, and 7 s without any

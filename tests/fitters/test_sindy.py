@@ -312,7 +312,7 @@ def test_nothing_is_proposed_beyond_the_true_model():
 
 
 def test_residual_of_a_model_of_another_quantity_is_refused():
-    with pytest.raises(FitError, match="'free-fall' is no model of theta that the library can express; there are"):
+    with pytest.raises(FitError, match="'free-fall' is not a model of theta that the library can express; there are"):
         discover(motion("pendulum", PENDULUM, 4.0), residual_of="free-fall")
 
 

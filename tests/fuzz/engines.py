@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 Edit = tuple[int, int, bytes, int]  # position, bytes removed there, what is put there, how often
 EXAMPLES = 200  # of one round: hypothesis stops by their number, not by the clock
-MOST_BYTES = 1 << 16  # of an input of atheris
+MAX_BYTES = 1 << 16  # of an input of atheris
 # packages and modules whose lines guide atheris; the others stay as they are, since numba cannot compile changed ones
 GUIDED = ("iris_sysid.cli", "iris_sysid.io", "iris_sysid.units", "iris_sysid.video", "fitters.own_model")
 PACKAGES = ("iris_sysid", "fitters")
@@ -102,7 +102,7 @@ def fuzz_by_atheris(name: str, seconds: float, kept: Path) -> None:
             "\n".join('"' + "".join(f"\\x{byte:02x}" for byte in word) + '"' for word in words_of(name) if word)
         )
         kept.mkdir(parents=True, exist_ok=True)
-        limits = [f"-max_total_time={seconds:.0f}", f"-max_len={MOST_BYTES}", "-timeout=30", "-rss_limit_mb=4000"]
+        limits = [f"-max_total_time={seconds:.0f}", f"-max_len={MAX_BYTES}", "-timeout=30", "-rss_limit_mb=4000"]
         atheris.Setup(
             [sys.argv[0], *limits, f"-dict={words}", f"-artifact_prefix={kept}/{name}-", folder], FUZZ_TARGETS[name]
         )

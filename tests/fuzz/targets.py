@@ -26,7 +26,7 @@ from iris_sysid.registry import MODELS, TRACKERS
 from iris_sysid.video.reader import open_video
 
 Target = Callable[[bytes], None]
-MOST_FRAMES = 20  # that are decoded of a clip: the rest of it is more of the same
+MAX_FRAMES = 20  # that are decoded of a clip: the rest of it is more of the same
 TABLE = "t_s,theta_rad\n0,0.1\n0.1,0.2\n0.2,0.1\n"
 OPTIONS: tuple[Callable[[str], object], ...] = (
     lambda text: _parsing.settings([text]),
@@ -75,7 +75,7 @@ def _refusing(reader: Callable[[Path], object], path: Path) -> None:
 
 def _frames(path: Path, *, keep_partial: bool = False) -> None:
     video = open_video(path, fps=30.0, keep_partial=keep_partial)
-    for _, frame in zip(range(MOST_FRAMES), video.frames(), strict=False):
+    for _, frame in zip(range(MAX_FRAMES), video.frames(), strict=False):
         frame.bgr()
     str(video.warning).encode()
 

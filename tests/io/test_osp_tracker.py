@@ -361,5 +361,5 @@ def test_archive_whose_names_are_no_text_or_whose_content_is_damaged_is_refused(
     start = data.index(b".trk") + 20
     for damaged in (data.replace("é".encode(), b"\xff\xfe"), data[:start] + b"\xff" * 60 + data[start + 60 :]):
         path.write_bytes(damaged)
-        with pytest.raises(CalibrationError, match="is no archive that can be unpacked"):
+        with pytest.raises(CalibrationError, match="is not an archive that can be unpacked"):
             read_osp(path)

@@ -1,7 +1,5 @@
 """What was stated or left open when a trajectory was made travels with its table, and counts in every later fit."""
 
-import json
-
 import numpy as np
 import pytest
 
@@ -66,15 +64,3 @@ def test_angles_of_a_table_without_an_origin_have_an_open_zero(tmp_path):
     rows = "\n".join(f"{t},{theta}" for t, theta in zip(swing().t_s, swing().position[:, 0], strict=True))
     (tmp_path / "angles.csv").write_text(f"t_s,theta_rad\n{rows}\n")
     assert read_trajectory(tmp_path / "angles.csv").free == ("vertical",)
-
-
-def test_table_of_version_3_states_what_its_run_was_told(tmp_path):
-    stated = {"gravity": {"value": 9.79, "stderr": 0.02, "unit": "m/s^2"}}
-    table = write_trajectory(swing(origin={"options": {"settings": stated, "free": ["damping"]}}), tmp_path / "t.csv")
-    beside = tmp_path / "t.csv.origin.json"
-    content = json.loads(beside.read_text())
-    del content["known"], content["free"]
-    beside.write_text(json.dumps(content | {"version": 3}))
-    back = read_trajectory(table)
-    assert (back.known["gravity"].value, back.known["gravity"].stderr) == (9.79, 0.02)
-    assert back.free == ("damping", "vertical")

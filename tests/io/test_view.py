@@ -42,20 +42,6 @@ def test_table_without_a_file_beside_it_has_no_known_sensor(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("origin", "sensor"), [({"calibration": "stated: 640px=1m"}, "camera"), ({"source": "a.csv"}, "unknown")]
-)
-def test_sensor_of_version_2_is_known_from_the_origin(tmp_path, origin, sensor):
-    path = written(tmp_path, origin=origin)
-
-    def older(content):
-        content["version"] = 2
-        del content["sensor"], content["view"]
-
-    rewrite(path, older)
-    assert read_trajectory(path).sensor == sensor
-
-
-@pytest.mark.parametrize(
     ("change", "message"),
     [
         ({"focal_px": 0.0}, "focal_px"),

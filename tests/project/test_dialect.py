@@ -16,7 +16,7 @@ KNOWN = Path(__file__).parent / "known_dialect.txt"
 PATTERNS = {
     "from-where-on": (r"\b(from|beyond) (where|which) on\b", "name the limit: 'above 3 px'"),
     "of-which": (r"\bof which\b", "two sentences, or 'whose'"),
-    "is-no": (r"(?<!\bthere )\b(is|are) no (?!longer\b|more\b|less\b)[a-z]+", "'is not a', or the opposite word"),
+    "is-no": (r"(?<!\b[Tt]here )\b(is|are) no (?!longer\b|more\b|less\b)[a-z]+", "'is not a', or the opposite word"),
     "so-many": (r"\bso (many|much)\b", "the number, or 'too many'"),
     "hardly": (r"\b(hardly|seldom|now and then)\b", "a number, or 'rarely'"),
     "is-said": (r"\b(is|are|was|were) (said|told)\b", "a subject that acts: 'the report states'"),

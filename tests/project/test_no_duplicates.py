@@ -9,7 +9,7 @@ from pathlib import Path
 
 from tests._project import ROOT, python_files
 
-MOST_SHARED = 10  # lines of code that two places may share, without docstrings, comments, imports and blank lines
+MAX_SHARED = 10  # lines of code that two places may share, without docstrings, comments, imports and blank lines
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -80,7 +80,7 @@ def test_two_functions_that_share_lines_are_found():
 
 
 def test_no_two_functions_share_more_than_ten_lines():
-    runs = shared_runs([lines_from(path) for path in python_files()], MOST_SHARED)
+    runs = shared_runs([lines_from(path) for path in python_files()], MAX_SHARED)
     pairs = [
         f"{first.file}:{first.number} and {second.file}:{second.number}: {count} lines" for first, second, count in runs
     ]

@@ -1,6 +1,5 @@
 """What is public: one list, which the API reference, the type checker and dir() share."""
 
-import ast
 import re
 
 import pytest
@@ -12,7 +11,6 @@ from tests._project import ROOT
 
 REFERENCE = (ROOT / "docs" / "reference" / "api.md").read_text("utf-8")
 DOCUMENTED = re.findall(r"^\.\. (?:auto\w+|py:data):: iris_sysid\.(\w+)$", REFERENCE, re.MULTILINE)
-SOURCE = ast.parse((ROOT / "iris_sysid" / "__init__.py").read_text("utf-8"))
 
 
 def test_api_reference_and_public_names_are_the_same():
@@ -21,12 +19,6 @@ def test_api_reference_and_public_names_are_the_same():
 
 def test_dir_shows_the_public_names_and_nothing_else():
     assert dir(iris_sysid) == list(iris_sysid.__all__)
-
-
-def test_type_checker_knows_where_each_name_is_defined():
-    (block,) = [node for node in SOURCE.body if isinstance(node, ast.If)]
-    defined_in = {alias.asname: node.module for node in block.body for alias in node.names}
-    assert defined_in == iris_sysid._HOME
 
 
 @pytest.mark.parametrize("name", iris_sysid.__all__)

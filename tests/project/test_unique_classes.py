@@ -9,7 +9,6 @@ from tests._project import ROOT, python_files
 KNOWN = {
     "Background",
     "Component",
-    "Errors",
     "Pixels",
     "Rival",
     "Solution",

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 from filterpy.kalman import KalmanFilter
+from scipy.stats import chi2
 
 from iris_sysid import DataError, Quantity, Segment, Trajectory
-from iris_sysid.trajectory.smoothing import log_likelihood, nis_band, smooth
+from iris_sysid.trajectory.smoothing import log_likelihood, smooth
 from iris_sysid.trajectory.white_jerk_model import diffuse_start, innovations, process_noise, transition
 from tests._project import recording
 
@@ -109,8 +110,8 @@ def test_psd_chosen_from_the_data_is_the_true_one():
     motion = white_jerk_motion(rng, t_s, psd=50.0)[:, 0]
     smoothed = smooth(trajectory(t_s, motion + 0.01 * rng.standard_normal(t_s.size), 0.01)).smoothed
     assert smoothed.psd[0] == pytest.approx(50.0, rel=0.35)
-    low, high = nis_band(t_s.size - 3)
-    assert low < smoothed.nis[0] < high
+    low, high = chi2.interval(0.95, t_s.size - 3)
+    assert low < smoothed.nis[0] * (t_s.size - 3) < high
 
 
 def test_unknown_noise_is_estimated_with_the_process_noise():
@@ -254,15 +255,6 @@ def test_smooth_refuses_with_the_reason(change, psd, message):
     fine = trajectory(np.arange(20) / 10, np.arange(20), 0.1)
     with pytest.raises(DataError, match=message):
         smooth(fine.with_(**change), psd=psd)
-
-
-def test_nis_band_without_samples_is_refused():
-    with pytest.raises(DataError, match="at least one is needed"):
-        nis_band(0)
-
-
-def test_nis_band_narrows_about_one():
-    assert nis_band(100) == pytest.approx((0.742, 1.296), abs=1e-3)
 
 
 def test_webcam_pendulum_of_whole_pixels_has_the_noise_of_rounding():

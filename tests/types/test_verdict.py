@@ -7,7 +7,6 @@ import pytest
 
 from iris_sysid import MODELS, Doubt, Trajectory, Verdict, diagnose, fit
 from iris_sysid.io.json_documents import write_fit
-from iris_sysid.io.schemas import VerdictEntry
 from iris_sysid.types import Completeness, worst_verdict
 from iris_sysid.types._verdict import explained_percent
 from tests._documents import read_fit
@@ -117,10 +116,6 @@ def test_worst_verdict_takes_the_worst_of_each_axis():
     worst = worst_verdict([first, second])
     assert worst.equation == Completeness(0.97, False, 3.0, "it wanders")
     assert worst.accuracy == {"length": 0.02, "mass": 0.1}
-
-
-def test_file_of_an_older_version_with_the_word_misfit_is_read_as_doubtful():
-    assert VerdictEntry.model_validate({"word": "misfit", "reasons": []}).verdict() == Verdict("doubtful")
 
 
 def test_fit_json_holds_the_verdict_and_the_codes_of_the_problems(tmp_path):

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from iris_sysid.benchmark.sources.conversions import READINGS
-from iris_sysid.benchmark.sources.folder import ERRORS, PublishedFolder, estimates, reading_of, select
 from iris_sysid.errors import DataError
 from tests._project import recording
+from validation.audit.folder import ERRORS, PublishedFolder, estimates, reading_of, select
 from validation.audit.reproduce import audit, status_of, verdicts
 
 

@@ -110,7 +110,7 @@ def test_missing_and_damaged_files_are_named(part, tmp_path):
     damaged.write_text(damaged.read_text(encoding="utf-8") + "Pendulum,pendulum_20,x,1,2,3,4,5\n", encoding="utf-8")
     page = text_of(write_audit(part, tmp_path / "out"), "audit.md")
     assert "vlm_eval_iris/vlm_iris_results.csv does not exist" in page
-    assert "iris_unified/iris_unified.csv line 242: 'x' is no number" in page
+    assert "iris_unified/iris_unified.csv line 242: 'x' is not a number" in page
     assert "| vlm_eval_iris/vlm_iris_results.csv | absent |" in page
 
 

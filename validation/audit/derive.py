@@ -14,10 +14,11 @@ import numpy as np
 import pandas as pd
 
 from iris_sysid.benchmark.sources.conversions import READINGS, LatentReading, Values
-from iris_sysid.benchmark.sources.folder import ERRORS, RUNS, PublishedFolder, estimates, n_failed, reading_of, select
-from iris_sysid.benchmark.sources.published import PublishedValue, sibling, truth_of, values_at
-from iris_sysid.benchmark.sources.selection import score_published
+from iris_sysid.benchmark.sources.published import truth_of
 from iris_sysid.errors import DataError
+from validation.audit.folder import ERRORS, RUNS, PublishedFolder, estimates, n_failed, reading_of, select
+from validation.audit.printed import PublishedValue, sibling, values_at
+from validation.audit.selection import score_published
 
 
 @dataclass(frozen=True, slots=True)

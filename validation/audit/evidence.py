@@ -9,9 +9,10 @@ import numpy as np
 import pandas as pd
 
 from iris_sysid.benchmark.sources.conversions import Values
-from iris_sysid.benchmark.sources.folder import PublishedFolder, estimates, reading_of, select
-from iris_sysid.benchmark.sources.published import PublishedValue, truth_of, values_at
+from iris_sysid.benchmark.sources.published import truth_of
 from iris_sysid.errors import DataError
+from validation.audit.folder import PublishedFolder, estimates, reading_of, select
+from validation.audit.printed import PublishedValue, values_at
 from validation.audit.reproduce import REPRODUCED, status_of
 
 CONFIRMED = "confirmed"

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pandas as pd
 
-from iris_sysid.benchmark.sources.folder import ERRORS, KAPPA_STATISTICS, PREDICTIONS, RUNS, PublishedFolder
 from iris_sysid.errors import DataError
 from validation.audit import findings_beyond as beyond
 from validation.audit import findings_parameters as parameters
 from validation.audit import findings_tables as tables
 from validation.audit.evidence import CONFIRMED, NOT_CONFIRMED, Finding, Outcome
+from validation.audit.folder import ERRORS, KAPPA_STATISTICS, PREDICTIONS, RUNS, PublishedFolder
 from validation.audit.reproduce import NOT_DERIVABLE
 
 _IRIS_ERRORS = tuple(ERRORS[name] for name in ("iris_baseline", "iris_unified", "iris_unified_multistep"))

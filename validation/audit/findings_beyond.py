@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from iris_sysid.benchmark.sources.folder import (
+from iris_sysid.errors import DataError
+from validation.audit.evidence import DELFYS_TABLE, IRIS_TABLE, PAIRS, Outcome, facts, rounded, row_name, run_errors
+from validation.audit.folder import (
     KAPPA_STATISTICS,
     PublishedFolder,
     estimates,
@@ -16,10 +18,8 @@ from iris_sysid.benchmark.sources.folder import (
     reading_of,
     select,
 )
-from iris_sysid.benchmark.sources.published import PublishedValue, sibling, values_at
-from iris_sysid.benchmark.sources.selection import score_published
-from iris_sysid.errors import DataError
-from validation.audit.evidence import DELFYS_TABLE, IRIS_TABLE, PAIRS, Outcome, facts, rounded, row_name, run_errors
+from validation.audit.printed import PublishedValue, sibling, values_at
+from validation.audit.selection import score_published
 
 COLLAPSED = 0.1  # range of a latent that its loss pulls towards N(0, 1)
 SINGLE_CLIP_RUNS = ("iris_baseline", "iris_unified", "iris_unified_multistep", "delfys75_baseline", "delfys75_unified")

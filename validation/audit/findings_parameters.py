@@ -6,8 +6,6 @@ import numpy as np
 import pandas as pd
 
 from iris_sysid.benchmark.sources.conversions import GRAVITY
-from iris_sysid.benchmark.sources.folder import RUNS, PublishedFolder, estimates, n_failed, reading_of, select
-from iris_sysid.benchmark.sources.published import PublishedValue, sibling, values_at
 from validation.audit.derive import error_row
 from validation.audit.evidence import (
     BALLS,
@@ -23,6 +21,8 @@ from validation.audit.evidence import (
     run_mae,
     truth_value,
 )
+from validation.audit.folder import RUNS, PublishedFolder, estimates, n_failed, reading_of, select
+from validation.audit.printed import PublishedValue, sibling, values_at
 
 FIRST_ALPHA = 10.0  # what the released main.py starts alpha at (init_phys)
 AS_LENGTH = "alpha as length"

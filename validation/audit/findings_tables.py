@@ -9,12 +9,12 @@ from pathlib import Path
 import pandas as pd
 
 from iris_sysid.benchmark.sources.conversions import Values
-from iris_sysid.benchmark.sources.folder import PREDICTIONS, PublishedFolder, estimates, reading_of, select
-from iris_sysid.benchmark.sources.published import PublishedValue, all_values, sibling, values_at
 from iris_sysid.benchmark.sources.reading import read_lines
-from iris_sysid.benchmark.sources.selection import score_published
 from validation.audit.derive import mean, standard_deviation
 from validation.audit.evidence import IRIS_TABLE, Outcome, estimated, facts, matches, row_name, run_errors
+from validation.audit.folder import PREDICTIONS, PublishedFolder, estimates, reading_of, select
+from validation.audit.printed import PublishedValue, all_values, sibling, values_at
+from validation.audit.selection import score_published
 
 TEST_CLIPS = 2  # a setting, in the stated test partition
 

@@ -10,11 +10,11 @@ from typing import Any
 
 import pandas as pd
 
-from iris_sysid.benchmark.sources.folder import KAPPA_LOSSES, KAPPA_STATISTICS, PublishedFolder
-from iris_sysid.benchmark.sources.published import PublishedValue, all_values
 from iris_sysid.errors import DataError
 from validation.audit import derive
 from validation.audit.derive import Derivation, Recipe
+from validation.audit.folder import KAPPA_LOSSES, KAPPA_STATISTICS, PublishedFolder
+from validation.audit.printed import PublishedValue, all_values
 
 REPRODUCED = "reproduced"
 DIFFERS = "differs"

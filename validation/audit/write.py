@@ -11,17 +11,17 @@ from pathlib import Path
 import jinja2
 import pandas as pd
 
-from iris_sysid.benchmark.sources.folder import RUNS, PublishedFolder
 from iris_sysid.benchmark.sources.latent import latent_rows
 from iris_sysid.benchmark.sources.rows import flat_rows
-from iris_sysid.benchmark.sources.selection import SelectionScore, rescored_selection
 from iris_sysid.benchmark.tables.summary import displayed
 from iris_sysid.benchmark.tables.table import Table, frame_table, markdown_text, parameter_table, render
 from iris_sysid.errors import DataError
 from iris_sysid.io.files import check_writable, sha256_of, write_atomic
 from validation.audit.evidence import Finding
 from validation.audit.findings import findings
+from validation.audit.folder import RUNS, PublishedFolder
 from validation.audit.reproduce import DIFFERS, KINDS, NOT_DERIVABLE, REPRODUCED, audit, verdicts
+from validation.audit.selection import SelectionScore, rescored_selection
 
 NAMES = ("audit.csv", "audit.md", "audit.html", "audit.tex")
 TITLE = "Audit of the published benchmark numbers"

@@ -20,7 +20,6 @@ from iris_sysid.io.csv_read import read_track
 from iris_sysid.io.csv_write import write_track, write_trajectory
 from iris_sysid.io.files import origin_of, sha256_of
 from iris_sysid.io.json_documents import checked, entries_of, plain_origin, read_document, write_document
-from iris_sysid.io.schemas import VerdictEntry, known_number, known_numbers
 from iris_sysid.io.schemas.groundtruth import ClipDocument
 from iris_sysid.pipeline import accepted_settings, from_source, observe_and_fit, track
 from iris_sysid.registry import MODELS, PHENOMENA
@@ -217,13 +216,13 @@ def _document(
         **_head(job, tracks),
         status=fit.status,
         message=". ".join(filter(None, [*(doubt.text for doubt in fit.doubts), fit.message])),
-        verdict=VerdictEntry.of(fit.verdict),
+        verdict=fit.verdict,
         parameters=entries_of(fit.estimates, fit.status),
-        free=list(fit.free),
-        budget={name: {key: known_number(part) for key, part in row.items()} for name, row in fit.budget.items()},
+        free=fit.free,
+        budget=fit.budget,
         geometry=entries_of(trajectory.geometry),
-        noise=known_numbers(fit.noise),
-        rms=known_numbers(fit.rms),
+        noise=fit.noise,
+        rms=fit.rms,
         n=fit.n,
         trajectory=job.path(".trajectory.csv").name,
         origin=origin,

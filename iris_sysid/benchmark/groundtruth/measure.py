@@ -217,7 +217,7 @@ def _no_scale(reason: str, listing: Listing) -> str:
 
 
 def _job(clip: Clip, root: Path, measured: MeasuredDocument, conditions: Conditions, calibrated: bool) -> ClipJob:
-    known = {name: value for name, value in measured.of(clip.class_name, clip.setting).items() if name in KNOWN}
+    known = {name: value for name, value in measured.values_of(clip.class_name, clip.setting).items() if name in KNOWN}
     return ClipJob(
         clip,
         root,

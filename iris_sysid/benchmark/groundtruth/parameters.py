@@ -84,7 +84,7 @@ def _setting(
     clips: Clips, described: BenchmarkClass, measured: MeasuredDocument, effects: Finder | None
 ) -> dict[str, ParameterEntry]:
     """Every parameter of one setting: those of the class, then other direct measurements."""
-    by_hand = measured.of(described.folder, clips[0].clip.setting)
+    by_hand = measured.values_of(described.folder, clips[0].clip.setting)
     direct = {name: in_published_unit(estimate)[0] for name, estimate in by_hand.items()}
     effect_notes = effects(clips) if effects is not None else []
     entries = {}

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from fitters.noise.random_effects import LEAST_CLIPS, random_effects
+from fitters.noise.random_effects import MIN_CLIPS, random_effects
 from iris_sysid.benchmark.groundtruth.measure import ClipMeasurement
 from iris_sysid.calibration.pixel_scale import is_common_source
 from iris_sysid.io.schemas import known_number, known_numbers
@@ -169,7 +169,7 @@ def _pooled(used: Sequence[_Value], parameter: str, unit: str, shown: Mapping[st
 
 
 def _population(used: Sequence[_Value], unit: str) -> Population | None:
-    if len(used) < LEAST_CLIPS:
+    if len(used) < MIN_CLIPS:
         return None
     return random_effects(
         np.array([clip.estimate.value for clip in used]), np.array([clip.random for clip in used]), unit
@@ -187,7 +187,7 @@ def _common(used: Sequence[_Value], parameter: str) -> dict[str, float]:
     factor = DEGREES_PER_RADIAN if used[0].estimate.unit == "deg" else 1.0
     names = sorted({name for part in parts for name in part})
     shared = {name: factor * float(np.mean([part.get(name, 0.0) for part in parts])) for name in names}
-    if len(used) < LEAST_CLIPS:
+    if len(used) < MIN_CLIPS:
         return shared
     return shared | {FILMED_ALIKE: math.sqrt(ALIKE) * float(np.mean([clip.random for clip in used]))}
 

@@ -83,7 +83,7 @@ def _judge(names: list[str], row: list[str], values: list[float]) -> tuple[str, 
         return DAMAGED, f"{len(row)} fields, where 2 or 3 names and {len(VALUES)} values were expected"
     unreadable = [text for text, value in zip(row[-len(VALUES) :], values, strict=True) if math.isnan(value)]
     if any(text.lower() not in ("nan", "") for text in unreadable):
-        return DAMAGED, f"{unreadable[0]!r:.40} is no number"
+        return DAMAGED, f"{unreadable[0]!r:.40} is not a number"
     if not all(math.isfinite(value) for value in values):
         return FAILED, "a value is not finite"
     if not any(values):

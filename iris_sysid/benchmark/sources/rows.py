@@ -135,7 +135,7 @@ def read_rows(path: str | Path) -> pd.DataFrame:
         if bad.any():
             first = int(np.argmax(bad))
             raise DataError(
-                f"{path}, data row {first + 1}: {name} is {frame[name].iloc[first]!r:.40}, which is no number"
+                f"{path}, data row {first + 1}: {name} is {frame[name].iloc[first]!r:.40}, which is not a number"
             )
         if name == "seed" and (numbers.dropna() % 1 != 0).any():
             raise DataError(f"{path}: a seed is a whole number")

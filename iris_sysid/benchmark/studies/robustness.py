@@ -52,5 +52,5 @@ def _refitted(subject: Subject, measured: MeasuredDocument, condition: str, seed
         tracks = track(video, phenomenon.tracker, TrackOptions(bodies=phenomenon.bodies))
         tracks = as_in(video, tracks, (original.width, original.height))
     calibration = subject.measured.calibration()
-    settings, free = known_to_fit(phenomenon, measured.of(clip.class_name, clip.setting), calibration)
+    settings, free = known_to_fit(phenomenon, measured.values_of(clip.class_name, clip.setting), calibration)
     return observe_and_fit(tracks, calibration, phenomenon, settings, free)[2]

@@ -182,7 +182,7 @@ def _unit(unit: str) -> str:
 
 
 def _wanted(clip: Clip, truth: Mapping[str, TrueValue]) -> dict[str, str]:
-    """What the publication has for the class, and what else the model estimates of which the truth is known; units."""
+    """What the publication has for the class, and what else the model estimates where the truth is known; units."""
     phenomenon, described = benchmark_classes()[clip.class_name]
     model = MODELS[PHENOMENA[phenomenon].model]
     units = {parameter.name: parameter.unit for parameter in model.parameters} | {

@@ -48,7 +48,7 @@ def refine_by_window(
     half_px
         Half the side of the window, px; a window that holds a second corner pulls the result towards it.
     steps, eps
-        Stop after so many steps, or at a step below so many px.
+        Stop after this number of steps, or at a step below this length, px.
 
     Returns
     -------

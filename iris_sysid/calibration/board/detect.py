@@ -163,7 +163,7 @@ def _read_grey(path: Path) -> NDArray[np.uint8]:
     with suppress(cv2.error):  # the header claims an image too large to be meant
         image = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if data.size and _chunks_are_within(data.tobytes()) else None
     if image is None:
-        raise CalibrationError(f"{path} is no image that can be read; give PNG, JPEG, TIFF or BMP files")
+        raise CalibrationError(f"{path} is not an image that can be read; give PNG, JPEG, TIFF or BMP files")
     if image.size > MAX_PIXELS:
         raise CalibrationError(f"{path} has {image.shape[1]}x{image.shape[0]} px; at most {MAX_PIXELS} px are read")
     return np.asarray(image, np.uint8)

@@ -80,7 +80,7 @@ def is_board(grey: Grey, grid_px: Array) -> bool:
 
 
 def whole_grid(grey: Grey, grid_px: Array) -> Array:
-    """The whole grid of inner corners (rows, columns, 2) of which ``grid_px`` is a part in the image ``grey``.
+    """The whole grid of inner corners (rows, columns, 2) that ``grid_px`` is a part of, in the image ``grey``.
 
     False lines of corners at the ends of the part are dropped.
     """

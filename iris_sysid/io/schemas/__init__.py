@@ -52,6 +52,7 @@ from iris_sysid.io.schemas._parts import VerdictEntry as VerdictEntry
 from iris_sysid.io.schemas._parts import known_number as known_number
 from iris_sysid.io.schemas._parts import known_numbers as known_numbers
 from iris_sysid.io.schemas._parts import number as number
+from iris_sysid.io.schemas._parts import why_null as why_null
 from iris_sysid.io.schemas._plan import ChangeEntry as ChangeEntry
 from iris_sysid.io.schemas._plan import LimitsDocument as LimitsDocument
 from iris_sysid.io.schemas._plan import NeedEntry as NeedEntry

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -15,7 +14,6 @@ from iris_sysid.types import (
     Array,
     CurveName,
     ErrorAutocorrelation,
-    Estimate,
     Hold,
     PivotSource,
     Sensor,
@@ -63,14 +61,6 @@ class TrackQualityEntry(Part):
     evidence: dict[str, Number] = {}
     """What was judged, by name."""
 
-    @classmethod
-    def of(cls, quality: TrackQuality | None) -> TrackQualityEntry | None:
-        """The quality as an entry."""
-        if quality is None:
-            return None
-        doubts = [DoubtEntry.of(doubt) for doubt in quality.doubts]
-        return cls(doubts=doubts, evidence={name: float(value) for name, value in quality.evidence.items()})
-
     def quality(self) -> TrackQuality:
         """The entry as a TrackQuality."""
         evidence = {name: value for name, value in self.evidence.items() if value is not None}
@@ -91,7 +81,7 @@ class BrightnessEntry(Part):
     """By source, patterns of one standard error, each a number a frame."""
 
     @classmethod
-    def of(cls, track: Track) -> BrightnessEntry | None:
+    def of_track(cls, track: Track) -> BrightnessEntry | None:
         """The entry of a track; None where its intensities are grey levels, or it has none."""
         curve = track.transfer
         if curve is None:
@@ -115,7 +105,7 @@ class CameraMotionEntry(Part):
     """The two rows of ``[A | b]`` for each: x in the frame is ``A x + b``."""
 
     @classmethod
-    def of(cls, tracks: Sequence[Track]) -> CameraMotionEntry | None:
+    def of_tracks(cls, tracks: Sequence[Track]) -> CameraMotionEntry | None:
         """The entry of some tracks of one clip; None where the camera stands still."""
         maps = {
             int(frame): motion.tolist()
@@ -153,11 +143,6 @@ class ViewEntry(Part):
     """Where the pivot of an angle comes from."""
     measured: bool
     """False where only the kind of the view is known."""
-
-    @classmethod
-    def of(cls, view: View | None) -> ViewEntry | None:
-        """The view as an entry."""
-        return None if view is None else cls(**asdict(view))
 
     def view(self) -> View:
         """The entry as a View; DataError where its axes are parallel."""
@@ -207,59 +192,6 @@ class OriginDocument(Document):
     view: ViewEntry | None = None
     """How the quantities of a trajectory lie in the image of a camera; null where that is not known."""
 
-    @classmethod
-    def upgraded(cls, content: dict[str, Any]) -> dict[str, Any]:
-        """Version 1 kept the error autocorrelation elsewhere, 2 did not say which sensor, 3 not what was stated."""
-        content = cls._from_version_1(content) if content.get("version") == 1 else content
-        if content.get("version") == 2:
-            filmed = "calibration" in content.get("origin", {}) and bool(content.get("quantities"))
-            content = {**content, "version": 3, "sensor": "camera" if filmed else "unknown"}
-        return cls._from_version_3(content) if content.get("version") == 3 else content
-
-    @classmethod
-    def _from_version_3(cls, content: dict[str, Any]) -> dict[str, Any]:
-        """Version 3 kept what was stated in the request of the run, in the origin."""
-        request = content.get("origin", {}).get("options", {}) if content.get("quantities") else {}
-        known = {name: _stated_entry(**value) for name, value in request.get("settings", {}).items()}
-        angles = [entry["name"][5:] for entry in content.get("quantities", []) if entry["name"].startswith("theta")]
-        free = [*request.get("free", []), *(f"vertical_{angle}".rstrip("_") for angle in angles)]
-        return {**content, "version": 4, "known": known, "free": free}
-
-    @classmethod
-    def _from_version_1(cls, content: dict[str, Any]) -> dict[str, Any]:
-        """Version 1 kept the error autocorrelation as ``error_memory`` in the origin or the geometry."""
-        content = {**content, "version": 2}
-        origin = dict(content.get("origin", {}))
-        of_track = origin.pop("error_memory", None)
-        bodies = {body: dict(its_origin) for body, its_origin in content.get("bodies", {}).items()}
-        by_body = {body: its_origin.pop("error_memory", None) for body, its_origin in bodies.items()}
-        geometry = dict(content.get("geometry", {}))
-        of_trajectory = [geometry.pop(name) for name in ("error_memory_1", "error_memory_2") if name in geometry]
-        first_frame = origin.pop("first_frame", None)
-        common = [(entry["value"], entry["stderr"]) for entry in of_trajectory]
-        if not content.get("quantities"):  # a track
-            common = of_track or []
-        return {
-            **content,
-            "origin": origin,
-            "bodies": bodies,
-            "geometry": geometry,
-            "error_autocorrelation": _columns(common),
-            "body_error_autocorrelation": {body: _columns(rows) for body, rows in by_body.items() if rows},
-            "first_frame": first_frame,
-        }
-
-
-def _stated_entry(value: float, stderr: float, unit: str) -> dict[str, Any]:
-    """A value that was stated, as an :class:`EstimateEntry` has it."""
-    numbers = {"value": value, "stderr": stderr, "ci95": Estimate(value, stderr, unit).interval}
-    return {**numbers, "unit": unit, "measurement_type": "assumed", "source": "given"}
-
-
-def _columns(rows: Sequence[tuple[float, float]]) -> dict[str, list[float]] | None:
-    """Pairs of a partial autocorrelation and its standard error, as an :class:`ErrorAutocorrelationEntry` has them."""
-    return {"partial": [row[0] for row in rows], "stderr": [row[1] for row in rows]} if rows else None
-
 
 class TensorDocument(Document):
     """What a tensor of images cannot say (the .npy.json file beside it)."""
@@ -285,8 +217,7 @@ class CalibrationDocument(Document):
     """How pixels become metres in the plane of motion (calibration.json)."""
 
     document: Literal["calibration"] = "calibration"
-    version: Literal[1, 2] = 2
-    """1: without ``vertical_source``, which ``fixed`` and ``assumed`` then say in words."""
+    version: Literal[2] = 2
     unit: Literal["m", "px"]
     """Unit of the world; px when no scale is known."""
     homography: tuple[Triple, Triple, Triple]

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-from pydantic import JsonValue
+from pydantic import JsonValue, model_validator
 
 from iris_sysid.io.schemas._discovery import TermEntry
 from iris_sysid.io.schemas._fit import FitDocument
 from iris_sysid.io.schemas._parts import Document, EstimateEntry, Number, Part, QuantityEntry, VerdictEntry
 from iris_sysid.io.schemas._validation import ValidationEntry
-from iris_sysid.types import ComponentKind, ComponentSide, FindingWord
-
-FORMER = ("missing_force", "remaining_force")  # keys of earlier files; ``components`` took their place
+from iris_sysid.types import ComponentCurve, ComponentKind, ComponentSide, FindingWord
 
 
 class AddedEffect(Part):
@@ -62,6 +60,15 @@ class CurveEntry(Part):
     """What changes of the fitted parameters can imitate is removed."""
     stderr: list[list[Number]]
 
+    @model_validator(mode="before")
+    @classmethod
+    def _of_curve(cls, value: Any) -> Any:
+        """A ComponentCurve can stand for its entry."""
+        if not isinstance(value, ComponentCurve):
+            return value
+        arrays = {name: getattr(value, name).tolist() for name in ("at", "values", "stderr")}
+        return {"argument": value.argument.name, "unit": value.argument.unit, "quantities": value.quantities, **arrays}
+
 
 class ComponentEntry(Part):
     """One part of a residual."""
@@ -90,6 +97,11 @@ class ExplanationEntry(Part):
     kinds: list[ComponentKind]
     probability: Number
 
+    @model_validator(mode="before")
+    @classmethod
+    def _of_pair(cls, value: Any) -> Any:
+        return dict(zip(("kinds", "probability"), value, strict=True)) if isinstance(value, tuple) else value
+
 
 class ComponentsEntry(Part):
     """The additive parts of a residual, largest share first; shares and noise sum to 1."""
@@ -112,7 +124,7 @@ class ComponentsEntry(Part):
 
 
 class FindingEntry(Part):
-    """What is said of one part of the residual: a named effect, a group of effects, its place, or that it is open."""
+    """The finding on one part of the residual: a named effect, a group of effects, its place, or that it is open."""
 
     word: FindingWord
     component: ComponentKind | None
@@ -131,17 +143,17 @@ class DiagnosisDocument(Document):
     document: Literal["diagnosis"] = "diagnosis"
     version: Literal[2] = 2
     sentence: str
-    """The result in a few sentences: the parts of the residual, what is said of each, the error before and after."""
+    """The result in a few sentences: the parts of the residual, the finding on each, the error before and after."""
     components: ComponentsEntry | None = None
     """Parts of the residual of the first clip without effects; null where the clip is too short to be split."""
     remaining: ComponentsEntry | None = None
     """Parts of the residual with the effects."""
     findings: list[FindingEntry] = []
-    """What is said of each part."""
+    """The finding on each part."""
     nuisances: list[str] = []
     """Effects that are in the final fit because they improve the prediction, but which are not named."""
     verdict: VerdictEntry | None = None
-    """How far the result can be used; null in files from before 2026-11-23."""
+    """How far the result can be used."""
     base: FitDocument
     """Of the first clip, as ``final``."""
     final: FitDocument
@@ -171,18 +183,3 @@ class DiagnosisDocument(Document):
     """The same of the model without them."""
     further_clips: list[FurtherClip] = []
     origin: dict[str, JsonValue]
-
-    @classmethod
-    def upgraded(cls, content: dict[str, Any]) -> dict[str, Any]:
-        """Version 1 had the errors and the noise under one key, and fits of version 1; both may have former keys."""
-        if any(key in content for key in FORMER):
-            content = {key: value for key, value in content.items() if key not in FORMER}
-        if content.get("version") != 1:
-            return content
-        parts = {key: value for key, value in content.items() if key != "error"}
-        further = [{**clip, **_upgraded_fits(clip)} for clip in content.get("further_clips", [])]
-        return {**parts, **content["error"], **_upgraded_fits(content), "version": 2, "further_clips": further}
-
-
-def _upgraded_fits(content: dict[str, Any]) -> dict[str, Any]:
-    return {name: FitDocument.upgraded(content[name]) for name in ("base", "final")}

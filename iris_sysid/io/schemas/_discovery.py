@@ -67,7 +67,7 @@ class DiscoveryDocument(Document):
     sentence: str
     """The result as a person would write it."""
     verdict: VerdictEntry | None = None
-    """How far the result can be used; null in files from before 2026-11-23."""
+    """How far the result can be used."""
     status: FitStatus
     message: str
     equations: list[EquationEntry]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Literal
 
 from pydantic import JsonValue
 
@@ -16,7 +16,7 @@ from iris_sysid.io.schemas._parts import (
     VerdictEntry,
 )
 from iris_sysid.io.schemas._validation import ValidationEntry
-from iris_sysid.types import Estimate, FitProblem, FitReason, FitStatus
+from iris_sysid.types import Estimate, FitReason, FitStatus
 
 
 class FittedQuantity(QuantityEntry):
@@ -72,11 +72,6 @@ class ProblemEntry(Part):
     remedy: str
     """What to do."""
 
-    @classmethod
-    def of(cls, problem: FitProblem) -> ProblemEntry:
-        """The problem as an entry."""
-        return cls(reason=problem.reason, finding=problem.finding, detail=problem.detail, remedy=problem.remedy)
-
 
 class PopulationEntry(Part):
     """How one value is spread over clips, beyond the error in each."""
@@ -90,7 +85,7 @@ class PopulationEntry(Part):
     """Squared distances from the weighted mean in standard errors, summed."""
     degrees: int
     p_value: Number
-    """Chance of so much when all clips have one value."""
+    """Chance of such a ``q`` when all clips have one value."""
 
 
 class ClipEntry(Part):
@@ -171,7 +166,7 @@ class FitDocument(Document):
     message: str
     """What to make of the status, with the remedy."""
     verdict: VerdictEntry | None = None
-    """How far the result can be used; null in files from before 2026-11-23."""
+    """How far the result can be used."""
     problems: list[ProblemEntry] = []
     """Why the status is not ok, the most serious first."""
     parameters: dict[str, EstimateEntry]
@@ -212,20 +207,6 @@ class FitDocument(Document):
     validation: ValidationEntry | None = None
     """Where a record that was not fitted was given."""
     origin: dict[str, JsonValue]
-
-    @classmethod
-    def upgraded(cls, content: dict[str, Any]) -> dict[str, Any]:
-        """Version 1 called the observable of a candidate its reading."""
-        if content.get("version") != 1:
-            return content
-        content = {**content, "version": 2}
-        if content.get("selection"):
-            ranking = [
-                {"observable" if key == "reading" else key: value for key, value in candidate.items()}
-                for candidate in content["selection"]["ranking"]
-            ]
-            content["selection"] = {**content["selection"], "ranking": ranking}
-        return content
 
     def estimates(self) -> dict[str, Estimate]:
         """The parameters as Estimates by name."""

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from typing import Annotated, Any, Literal
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+import numpy as np
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, Strict, ValidationInfo, model_validator
 
 from iris_sysid.types import (
     Completeness,
@@ -20,7 +22,19 @@ from iris_sysid.types import (
     VerdictWord,
 )
 
-Number = float | None
+
+def _finite(value: Any, info: ValidationInfo) -> Any:
+    """Null for NaN and infinity in an object; a file with NaN is refused."""
+    return None if info.mode == "python" and isinstance(value, float) and not math.isfinite(value) else value
+
+
+Number = Annotated[float | None, BeforeValidator(_finite)]
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {name: _plain(item) for name, item in value.items()}
+    return value.tolist() if isinstance(value, np.ndarray | np.generic) else value
 
 
 def known_number(value: Any) -> Number:
@@ -47,14 +61,16 @@ class Part(BaseModel):
         strict=True, extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True
     )
 
+    @classmethod
+    def of(cls, value: Any) -> Self:
+        """The part out of an object or mapping that has its fields by the same names; arrays become lists."""
+        names = [name for name in cls.model_fields if hasattr(value, name)]
+        fields = value if isinstance(value, Mapping) else {name: getattr(value, name) for name in names}
+        return cls.model_validate(_plain(fields), strict=False, from_attributes=True)
+
 
 class Document(Part):
     """A whole file; each kind states its ``document`` name and the ``version`` of its layout."""
-
-    @classmethod
-    def upgraded(cls, content: dict[str, Any]) -> dict[str, Any]:
-        """The content of a file of an older version, as the present version has it; as it is where nothing changed."""
-        return content
 
 
 class EstimateEntry(Part):
@@ -64,7 +80,7 @@ class EstimateEntry(Part):
     """Value in the unit; null when there is none."""
     stderr: Number
     """Standard error; null when the data do not determine it."""
-    ci95: tuple[Number, Number]
+    ci95: Annotated[tuple[Number, Number], Strict(False)]  # a list where the entry went through _of_estimate
     """Lower and upper end of the 95 % interval; null where there is none."""
     unit: str
     measurement_type: Literal["fitted", "direct", "assumed", "derived", "metadata"]
@@ -72,6 +88,14 @@ class EstimateEntry(Part):
     """Where the value comes from, in words."""
     note: str = ""
     """Why a number is null."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_estimate(cls, value: Any) -> Any:
+        """An Estimate can stand for its entry."""
+        if not isinstance(value, Estimate):
+            return value
+        return {**asdict(value), "ci95": value.interval, "note": why_null(value)}
 
     def estimate(self) -> Estimate:
         """The entry as an Estimate; null becomes NaN, and an open end of the interval infinity."""
@@ -82,6 +106,15 @@ class EstimateEntry(Part):
         low, high = self.ci95
         interval = (-math.inf if low is None else low, math.inf if high is None else high)
         return Estimate(value, stderr, self.unit, self.measurement_type, self.source, interval)
+
+
+def why_null(estimate: Estimate, because: str = "") -> str:
+    """Why a number of an estimate is null, and ``because`` of what; empty where both are known."""
+    if not math.isfinite(estimate.value):
+        return f"no value was found{because}"
+    if not math.isfinite(estimate.stderr):
+        return f"the data do not determine its standard error{because}"
+    return ""
 
 
 class QuantityEntry(Part):
@@ -117,11 +150,6 @@ class DoubtEntry(Part):
     remedy: str
     """The option that helps."""
 
-    @classmethod
-    def of(cls, doubt: Doubt) -> DoubtEntry:
-        """The doubt as an entry."""
-        return cls(kind=doubt.kind, finding=doubt.finding, remedy=doubt.remedy)
-
     def doubt(self) -> Doubt:
         """The entry as a Doubt."""
         return Doubt(**self.model_dump())
@@ -139,16 +167,6 @@ class CompletenessEntry(Part):
     rest: str = ""
     """What the residual is made of, in a clause."""
 
-    @classmethod
-    def of(cls, equation: Completeness) -> CompletenessEntry:
-        """The completeness as an entry."""
-        return cls(
-            explained=known_number(equation.explained),
-            complete=equation.complete,
-            residual_over_noise=known_number(equation.residual_over_noise),
-            rest=equation.rest,
-        )
-
     def completeness(self) -> Completeness:
         """The entry as a Completeness."""
         return Completeness(number(self.explained), self.complete, number(self.residual_over_noise), self.rest)
@@ -164,25 +182,7 @@ class VerdictEntry(Part):
     accuracy: dict[str, float] = {}
     """Relative standard error of the values that matter, the main one first."""
     equation: CompletenessEntry | None = None
-    """Whether the equation is complete; null where there is no fit, and in files from before 2026-11-24."""
-
-    @model_validator(mode="before")
-    @classmethod
-    def _of_two_axes(cls, content: Any) -> Any:
-        """Files from before 2026-11-24 had the word misfit for a motion that the equation does not explain."""
-        if isinstance(content, dict) and content.get("word") == "misfit":
-            return {**content, "word": "doubtful"}
-        return content
-
-    @classmethod
-    def of(cls, verdict: Verdict) -> VerdictEntry:
-        """The verdict as an entry."""
-        return cls(
-            word=verdict.word,
-            reasons=[DoubtEntry.of(doubt) for doubt in verdict.reasons],
-            accuracy={name: float(error) for name, error in verdict.accuracy.items()},
-            equation=None if verdict.equation is None else CompletenessEntry.of(verdict.equation),
-        )
+    """Whether the equation is complete; null where there is no fit."""
 
     def verdict(self) -> Verdict:
         """The entry as a Verdict."""

@@ -83,7 +83,7 @@ class MeasuredDocument(Document):
         """The scale of a class: its own, else the one of all classes."""
         return next((entry for name in (class_name, ANY) for entry in self.scales if entry.class_name == name), None)
 
-    def of(self, class_name: str, setting: str) -> dict[str, Estimate]:
+    def values_of(self, class_name: str, setting: str) -> dict[str, Estimate]:
         """Known values of a setting by parameter; a value for this setting replaces one for all settings."""
         ranks = ((ANY, ANY), (class_name, ANY), (class_name, setting))
         return {
@@ -229,7 +229,7 @@ class RegeneratedValue(ValueEntry):
     within: Number
     """Typical random standard error in one clip."""
     p_value: Number
-    """Chance of so much scatter when all clips have one value."""
+    """Chance of such a scatter when all clips have one value."""
     budget: dict[str, Number]
     """Standard uncertainty from each source."""
     clips: dict[str, ClipValue]
