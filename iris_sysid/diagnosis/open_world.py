@@ -86,6 +86,11 @@ class OpenWorld:
         return self._cache.base
 
     @property
+    def tried(self) -> list[ModelWithEffects]:
+        """All models that were fitted and can be used."""
+        return [model for model in self._cache.tried if model.usable]
+
+    @property
     def testable(self) -> bool:
         """Whether the clips are long enough to leave out blocks."""
         return bool(self._blocks)
