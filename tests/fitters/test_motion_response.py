@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from fitters.effect_sensitivity import motion_of
+from fitters.effect_sensitivity import WORST_CONDITION, motion_of
 from fitters.ode import fit
-from iris_sysid import EFFECTS, MODELS, Quantity, Trajectory, model_from_equation, simulate, with_effects
+from iris_sysid import MODELS, Quantity, Trajectory, model_from_equation, simulate
 
 
 def a_motion():
@@ -30,9 +30,9 @@ def test_no_force_has_no_response():
         assert not which.answers(nothing).any()
 
 
-def a_decaying_motion():
+def a_decaying_motion(samples_per_s=20):
     """A body that forgets how it began, a hundred times over: v' = -20 v + 10 u over 30 s."""
-    t_s = np.arange(600) / 20
+    t_s = np.arange(30 * samples_per_s) / samples_per_s
     model = model_from_equation("x'' = -20*x' + 10*u", units={"x": "m"})
     u = np.sign(np.sin(t_s))[:, None]
     x = simulate(model, t_s, {"x_0": 0.0, "x_rate_0": 0.0}, inputs=u).observed
@@ -53,16 +53,8 @@ def test_a_motion_that_forgets_its_beginning_answers_as_by_integration():
 
 
 def test_a_motion_that_forgets_its_state_between_two_samples_answers_as_by_integration():
-    """Dry friction with a narrow turnover stops a pendulum: its rate there is 750/s, of samples 0.1 s apart."""
-    friction = replace(EFFECTS["coulomb-friction"], name="narrow-friction")
-    model = with_effects(MODELS["pendulum"], [friction])
-    t_s = np.arange(80) / 10
-    values = {"length": 0.5, "damping": 0.1, "coulomb_friction": 1.5, "coulomb_turnover": 2e-3}
-    theta = simulate(model, t_s, {**values, "theta_0": 1.5, "omega_0": 0.0}).observed
-    noisy = theta + 1e-4 * np.random.default_rng(0).standard_normal(theta.shape)
-    clip = Trajectory(t_s, model.observed, noisy, np.full_like(noisy, np.nan), np.ones(t_s.size, bool))
-    motion = motion_of(fit(clip, model, fixed={"coulomb_turnover": 2e-3}, start=values), clip)
-    assert np.linalg.cond(motion.response.across).max() > 1e5
-    forces = np.stack([np.sin(k * motion.grid)[:, None] for k in (1.0, 3.0)])
+    motion = a_decaying_motion(samples_per_s=1)
+    assert np.linalg.cond(motion.response.across).min() > WORST_CONDITION
+    forces = np.sin(0.3 * motion.grid)[None, :, None]
     whole, carried = replace(motion, response=None).answers(forces), motion.answers(forces)
-    np.testing.assert_allclose(carried, whole, atol=0.03 * np.max(np.abs(whole)))
+    np.testing.assert_allclose(carried, whole, atol=0.02 * np.max(np.abs(whole)))
