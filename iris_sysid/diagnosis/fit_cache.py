@@ -66,6 +66,7 @@ class FitCache:
         self._screenings: dict[frozenset[str], Screening] = {}
         self._errors: dict[frozenset[str], float] = {}
         self._few: FitCache | None = None
+        self._searched: FitCache | None = None
 
     @property
     def failed(self) -> list[tuple[str, FitResult]]:
@@ -80,10 +81,11 @@ class FitCache:
         return list(self._models.values())
 
     def _tried(self) -> Iterator[ModelWithEffects]:
-        """All refits, those to few samples as well."""
+        """All refits, rough ones and those to few samples as well."""
         yield from self._models.values()
-        if self._few is not None:
-            yield from self._few._tried()
+        for rough in (self._few, self._searched):
+            if rough is not None:
+                yield from rough._tried()
 
     def screening(self, current: ModelWithEffects) -> Screening:
         """The score tests of every effect that a model does not have yet."""
@@ -205,7 +207,10 @@ class FitCache:
             for clip, fitted in zip(rough, self.base.fits, strict=True)
         ]
         base = replace(self.base, fits=tuple(fits), units=units)
-        return FitCache(rough, self._model, self.library, base, self._holdout, self.report) if base.usable else self
+        if not base.usable:
+            return self
+        self._searched = FitCache(rough, self._model, self.library, base, self._holdout, self.report)
+        return self._searched
 
     def _at_samples(self, few: int) -> tuple[list[FitRequest], tuple[Array, ...] | None]:
         """The clips at one sample of each block, and the units of their residuals; None where each sample is one."""
