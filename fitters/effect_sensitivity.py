@@ -1,9 +1,9 @@
 """First-order sensitivity of a fitted model's prediction to each effect, without fitting it.
 
 An effect that acts on the motion is a small force e(t) along the motion without it. The response of the linearised
-motion is P(t) times the integral of P(t)^-1 e(t), where P(t) = d state(t) / d state(0): a few integrations for P serve
-all effects. Where a motion forgets its beginning, P becomes singular: then it begins anew, in blocks, and the response
-at the end of one is the initial state of the next. An effect that acts on the observation needs no integration.
+motion is carried from one sample to the next by d state / d state over the interval between them, to which the force
+in the interval adds: a few integrations for these derivatives serve all effects. An effect that acts on the observation
+needs no integration.
 """
 
 from __future__ import annotations
@@ -34,17 +34,15 @@ WORST_CONDITION = 1e5  # of the transition matrix of a block: its inverse loses 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Transitions:
-    """How a small change of the state acts on, in blocks of sample intervals that each begin anew.
+    """What each sample interval makes of a small change of the state and of small forces.
 
-    ``at_points`` (m, s, s): d state / d state at the beginning of the block, at each point of the grid; where one block
-    ends and the next begins, of the former. ``inverse`` (i, REFINEMENT + 1, s, f): the columns of its inverse for the
-    highest derivatives, at the points of each interval. ``carried`` (i, s, s): at the first interval of each block
-    after the first, d state / d state at the beginning of the block before; zero elsewhere.
+    ``across`` (i, s, s): d state at its end / d state at its beginning. ``pushed`` (i, REFINEMENT + 1, s, f): what a
+    unit of force on the highest derivatives at each point of the interval adds to the state at its end, by Simpson's
+    rule.
     """
 
-    at_points: Array
-    inverse: Array
-    carried: Array
+    across: Array
+    pushed: Array
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -52,8 +50,8 @@ class EffectMotion:
     """A fitted motion on a grid finer than the samples, and its response to small forces.
 
     ``grid`` (m,) s, whose items ``at_samples`` (n,) are the samples used; ``states`` and ``slopes`` (m, s);
-    ``values`` of the parameters by name; ``inputs`` (m, i) or None; ``response`` to forces, None where the motion
-    forgets its state within a sample interval. ``hold`` says how the inputs vary between the points of the grid.
+    ``values`` of the parameters by name; ``inputs`` (m, i) or None; ``response`` to forces, None where events make the
+    motion forget its state. ``hold`` says how the inputs vary between the points of the grid.
     """
 
     model: OdeModel
@@ -75,8 +73,8 @@ class EffectMotion:
         with np.errstate(all="ignore"):
             acts = np.any(forces, axis=(1, 2)) & np.isfinite(np.sum(forces, axis=(1, 2)))
         if self.response is not None:
-            ends = self.at_samples // REFINEMENT
-            return np.asarray(_responses(*_responding(self), forces, acts, ends, self.response.carried))
+            shown, ends = _shown(self), self.at_samples // REFINEMENT
+            return np.asarray(_responses(self.response.across, self.response.pushed, shown, forces, acts, ends))
         seen = np.zeros((len(forces), self.at_samples.size, len(self.model.observed)))
         for k in np.flatnonzero(acts):
             seen[k] = self._integrated(forces[k])
@@ -107,46 +105,46 @@ class EffectMotion:
 
 
 @functools.lru_cache(maxsize=2)
-def _responding(motion: EffectMotion) -> tuple[Array, Array]:
-    """How a force acts back on the initial state, and what that changes: two arguments of :func:`_responses`."""
-    assert motion.response is not None
-    steps_s = np.diff(motion.grid[::REFINEMENT]) / REFINEMENT
-    drawing = motion.response.inverse * (steps_s[:, None] * SIMPSON / 3.0)[:, :, None, None]
-    by_state = motion.observed_by_state(motion.at_samples)
-    return drawing, np.einsum("nds,nst->ndt", by_state, motion.response.at_points[motion.at_samples])
+def _shown(motion: EffectMotion) -> Array:
+    """Derivative (n, d, s) of what is observed in the samples by each state."""
+    return motion.observed_by_state(motion.at_samples)
 
 
 @kernel()
-def _responses(
-    drawing: Array, shown: Array, forces: Array, acts: Array, ends: NDArray[np.int_], carried: Array
-) -> Array:
+def _responses(across: Array, pushed: Array, shown: Array, forces: Array, acts: Array, ends: NDArray[np.int_]) -> Array:
     """What is seen (k, n, d) of forces (k, m, f) on a grid of intervals with REFINEMENT steps.
 
-    ``drawing`` (i, REFINEMENT + 1, s, f) carries a force in an interval back to the state at the beginning of its
-    block, where it is added up; ``carried`` (i, s, s) brings that sum to the beginning of the next block, at its first
-    interval, and is zero elsewhere. ``shown`` (n, d, s) is what a change of that state changes in each sample;
-    ``ends`` (n,) are the numbers of intervals before each sample. Forces that do not act (k,) have no response.
+    ``across`` and ``pushed`` are those of :class:`Transitions`, ``shown`` (n, d, s) is what a change of the state
+    changes in each sample; ``ends`` (n,) are the numbers of intervals before each sample. Forces that do not act (k,)
+    have no response.
     """
-    seen, drawn = np.zeros((len(forces), *shown.shape[:2])), np.zeros(shown.shape[2])
+    seen = np.zeros((len(forces), *shown.shape[:2]))
+    state, after = np.zeros(shown.shape[2]), np.zeros(shown.shape[2])
     for k in np.flatnonzero(acts):
-        drawn[:] = 0.0
+        state[:] = 0.0
         done = 0
         for n in range(ends.size):
             for interval in range(done, ends[n]):
-                if carried[interval].any():
-                    drawn = carried[interval] @ drawn
-                for state in range(drawn.size):
-                    total = 0.0
-                    for point in range(REFINEMENT + 1):
-                        for body in range(forces.shape[2]):
-                            force = forces[k, interval * REFINEMENT + point, body]
-                            total += drawing[interval, point, state, body] * force
-                    drawn[state] += total
+                first = interval * REFINEMENT
+                _carry(across[interval], pushed[interval], forces[k, first : first + REFINEMENT + 1], state, after)
+                state, after = after, state
             done = max(done, ends[n])
             for quantity in range(shown.shape[1]):
-                for state in range(drawn.size):
-                    seen[k, n, quantity] += shown[n, quantity, state] * drawn[state]
+                for i in range(state.size):
+                    seen[k, n, quantity] += shown[n, quantity, i] * state[i]
     return seen
+
+
+@kernel(inline="always")
+def _carry(across: Array, pushed: Array, forces: Array, state: Array, after: Array) -> None:
+    """Fill ``after`` with a change of the state (s,) at the end of an interval, from its beginning and the forces."""
+    for i in range(state.size):
+        after[i] = 0.0
+        for j in range(state.size):
+            after[i] += across[i, j] * state[j]
+        for point in range(REFINEMENT + 1):
+            for body in range(forces.shape[1]):
+                after[i] += pushed[point, i, body] * forces[point, body]
 
 
 def motion_of(fitted: FitResult, trajectory: Trajectory) -> EffectMotion:
@@ -183,29 +181,34 @@ def _grid(fitted: FitResult, trajectory: Trajectory) -> tuple[Array, NDArray[np.
 
 
 def _transitions(problem: InitialValueProblem, vector: Array, states: Array) -> Transitions | None:
-    """How a change of state acts on, in blocks as long as it can be inverted; None where that is not even one interval.
+    """What each sample interval makes of a change, from transitions over blocks as long as they can be inverted.
 
-    A motion with events is one block: it cannot begin anew, in another mode.
+    A motion with events is one block, as it cannot begin anew in another mode; None where that cannot be inverted.
     """
     count, intervals = states.shape[1], (len(states) - 1) // REFINEMENT
-    forced = problem.model.degrees_of_freedom
-    at_points, inverse = np.empty((len(states), count, count)), np.empty((intervals, REFINEMENT + 1, count, forced))
-    carried, begin, longest = np.zeros((intervals, count, count)), 0, intervals
-    at_points[0] = np.eye(count)
+    size, forced = np.ptp(states, axis=0), problem.model.degrees_of_freedom
+    from_points = np.empty((intervals, REFINEMENT + 1, count, count))  # d state at the end / d state at a point
+    begin, tried = 0, intervals
     while begin < intervals:
-        first, stop = begin * REFINEMENT, min(begin + longest, intervals) * REFINEMENT
-        block = _block_transition(problem.part(first, stop), vector, states[first], np.ptp(states, axis=0))
-        longest = _invertible(block)
-        if longest == 0 or (problem.model.events and longest < intervals):
+        first, stop = begin * REFINEMENT, min(begin + tried, intervals) * REFINEMENT
+        block = _block_transition(problem.part(first, stop), vector, states[first], size)
+        invertible = _invertible(block)
+        if problem.model.events and invertible < intervals:
             return None
-        block = block[: longest * REFINEMENT + 1]
-        if begin > 0:
-            carried[begin] = at_points[first]
-        at_points[first + 1 : first + len(block)] = block[1:]
-        points = np.arange(longest)[:, None] * REFINEMENT + np.arange(REFINEMENT + 1)
-        inverse[begin : begin + longest] = np.linalg.inv(block)[:, :, -forced:][points]
-        begin += longest
-    return Transitions(at_points, inverse, carried)
+        if invertible:
+            points = np.arange(invertible)[:, None] * REFINEMENT + np.arange(REFINEMENT + 1)
+            inverse = np.linalg.inv(block[: points[-1, -1] + 1])
+            from_points[begin : begin + invertible] = block[points[:, -1:]] @ inverse[points]
+        else:  # the motion forgets its state within the interval
+            from_points[begin] = np.eye(count)
+            for k in reversed(range(REFINEMENT)):
+                step = problem.part(first + k, first + k + 1)
+                over = _block_transition(step, vector, states[first + k], size)[-1]
+                from_points[begin, k] = from_points[begin, k + 1] @ over
+        begin += max(invertible, 1)
+        tried = 2 * tried if invertible == tried else max(invertible, 1)
+    weights = SIMPSON * np.diff(problem.t_s[::REFINEMENT])[:, None] / REFINEMENT / 3.0
+    return Transitions(from_points[:, 0], from_points[:, :, :, -forced:] * weights[:, :, None, None])
 
 
 def _block_transition(problem: InitialValueProblem, vector: Array, begin: Array, size: Array) -> Array:

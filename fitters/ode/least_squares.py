@@ -244,21 +244,26 @@ def minimise(
 
 
 def _minimised(objective: _Objective, loss: Loss, most: int, *, rough: bool) -> OptimizeResult:
+    """What SciPy finds; the start where it gives up, as it does where derivatives are far beyond its numbers."""
     tolerance, unknowns = ROUGH if rough else FINE, objective.unknowns
+    start = objective.start[unknowns.which]
     with np.errstate(all="ignore"):
-        return least_squares(
-            objective.residual,
-            objective.start[unknowns.which],
-            jac=objective.jacobian,
-            bounds=(unknowns.lower, unknowns.upper),
-            x_scale="jac",
-            loss=loss,
-            f_scale=SOFT_AT,
-            ftol=tolerance,
-            xtol=tolerance,
-            gtol=1e-15,
-            max_nfev=most,
-        )
+        try:
+            return least_squares(
+                objective.residual,
+                start,
+                jac=objective.jacobian,
+                bounds=(unknowns.lower, unknowns.upper),
+                x_scale="jac",
+                loss=loss,
+                f_scale=SOFT_AT,
+                ftol=tolerance,
+                xtol=tolerance,
+                gtol=1e-15,
+                max_nfev=most,
+            )
+        except ValueError as error:
+            return OptimizeResult(x=start, fun=objective.residual(start), success=False, message=str(error))
 
 
 def reweighted(target: Target, solution: Solution) -> Target:

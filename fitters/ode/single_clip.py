@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fitters.integrator.initial_value_problem import value_names
+from fitters.integrator.initial_value_problem import InitialValueProblem, value_names
 from fitters.noise.measurement_noise import outliers_in_residual
 from fitters.noise.sandwich_covariance import quantile_975
 from fitters.ode.fit_problem import (
@@ -27,7 +27,7 @@ from fitters.ode.fit_problem import (
 )
 from fitters.ode.global_search import explains, is_lost, scattered_starts, search
 from fitters.ode.intervals import Found, Method, checked_methods, disagreements, intervals_by
-from fitters.ode.least_squares import FINE_STEP, Loss, Solution, Target, minimise, reweighted
+from fitters.ode.least_squares import FINE_STEP, Loss, Solution, Target, Unknowns, minimise, reweighted
 from fitters.ode.request import DEFAULT_OPTIONS, NOTHING, FitOptions, FitRequest
 from fitters.ode.rest_position import calls_for_rest, held_zeros, is_better
 from fitters.ode.result import Lacking, conclude, errors_of, failed, information_loss, linearise
@@ -186,6 +186,29 @@ class NoMinimumError(FitError):
         self.result = result
 
 
+@dataclass(frozen=True, slots=True)
+class _Refinement:
+    """How a fit is finished: ``loss``, ``rough`` and ``most`` as for :func:`fitters.ode.least_squares.minimise`."""
+
+    loss: Loss
+    rough: bool
+    most: int | None
+
+    def continued(self, problem: InitialValueProblem, target: Target, unknowns: Unknowns, before: Solution) -> Solution:
+        """The least squares from where an earlier solution ended."""
+        return minimise(
+            problem,
+            target,
+            unknowns,
+            before.values,
+            rough=self.rough,
+            loss=self.loss,
+            steps=before.steps,
+            gradients=before.gradients,
+            most=self.most,
+        )
+
+
 def find_minimum(request: FitRequest) -> Minimum:
     """Minimise the residual of a request, with outliers left out and priors weighted.
 
@@ -205,12 +228,11 @@ def find_minimum(request: FitRequest) -> Minimum:
     else:
         solution = search(task.problem, task.target, task.unknowns, _starts(task, request.start, options.multistart))
     _check_finite(request, task, solution)
-    if options.local and options.rough:
-        return Minimum(task, task.target, solution)
     most = max(PATIENCE[0] // int(task.selection.used.sum()), PATIENCE[1]) if options.local else None
-    target, solution = _without_outliers(task, solution, options.loss, most)
+    refinement = _Refinement(options.loss, options.local and options.rough, most)
+    target, solution = _without_outliers(task, solution, refinement)
     if task.priors:
-        task, solution = _with_priors_weighed(task, target, solution, options.loss)
+        task, solution = _with_priors_weighed(task, target, solution, refinement)
     _check_finite(request, task, solution)  # the refinement can diverge from a solution that was finite
     if options.loss != "linear":
         target = reweighted(target, solution)
@@ -298,7 +320,7 @@ def _nothing_to_fit(task: Task) -> Solution:
     return Solution(problem, vector, problem.predicted(vector), np.zeros(0), 1.0, True, True, "")
 
 
-def _without_outliers(task: Task, solution: Solution, loss: Loss, most: int | None) -> tuple[Target, Solution]:
+def _without_outliers(task: Task, solution: Solution, refinement: _Refinement) -> tuple[Target, Solution]:
     """Finish the fit and reselect the samples: outliers are removed, good samples are restored."""
     candidates = task.selection.used[task.selection.span]
     target = task.target
@@ -307,19 +329,11 @@ def _without_outliers(task: Task, solution: Solution, loss: Loss, most: int | No
         if explains(solution, target):
             residual = (target.observed - solution.predicted) / target.sigma
             outliers[candidates] = outliers_in_residual(residual[candidates], SMALLEST_DEVIATION)
-        if solution.fine and _exact(solution, target) and np.array_equal(candidates & ~outliers, target.used):
+        is_finished = solution.converged if refinement.rough else solution.fine and _exact(solution, target)
+        if is_finished and np.array_equal(candidates & ~outliers, target.used):
             break
         target = Target(target.observed, target.sigma, candidates & ~outliers)
-        solution = minimise(
-            task.problem,
-            target,
-            task.unknowns,
-            solution.values,
-            loss=loss,
-            steps=solution.steps,
-            gradients=solution.gradients,
-            most=most,
-        )
+        solution = refinement.continued(task.problem, target, task.unknowns, solution)
     return target, solution
 
 
@@ -335,7 +349,9 @@ def _exact(solution: Solution, target: Target) -> bool:
     return bool(error < max(10 * FINE_STEP, 0.0 if events else target.negligible))
 
 
-def _with_priors_weighed(task: Task, target: Target, solution: Solution, loss: Loss) -> tuple[Task, Solution]:
+def _with_priors_weighed(
+    task: Task, target: Target, solution: Solution, refinement: _Refinement
+) -> tuple[Task, Solution]:
     """Weight the priors against the information of the data, which is smaller for large or correlated noise.
 
     Least squares treats all samples as independent; the mean ratio of the sandwich's information to that of least
@@ -347,9 +363,7 @@ def _with_priors_weighed(task: Task, target: Target, solution: Solution, loss: L
     for _ in range(PRIOR_ROUNDS):
         weighed = plain.weighing_priors(factor)
         before, task = solution, replace(task, unknowns=weighed)
-        solution = minimise(
-            before.problem, target, weighed, before.values, loss=loss, steps=before.steps, gradients=before.gradients
-        )
+        solution = refinement.continued(before.problem, target, weighed, before)
         previous, factor = factor, float(np.sqrt(information_loss(linearise(task, target, solution))))
         if not (np.isfinite(factor) and factor > 0) or abs(factor - previous) < SETTLED * previous:
             break

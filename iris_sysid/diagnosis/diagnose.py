@@ -55,6 +55,7 @@ ABOVE_NOISE = 1.1  # residual / noise above which terms are suggested; the noise
 COMPLETE = 1.3  # residual / noise up to which effects explain the data: of correlated noise the estimate is that unsure
 NOISE_UNSURE = 3.0  # residual / noise up to which it may be correlated or quantised noise: then components decide
 NOISE_SHARE = 0.9  # of the residual's variance that components leave, where it is noise
+LIKELIEST = 2  # models of the search that explain the data to the noise, refitted with all samples
 SEARCH_SHARE = 0.7  # of the time allowed, for the search by blocks
 
 
@@ -132,7 +133,7 @@ def diagnose(
     search = StepwiseSearch(cache)
     components = components_of(clips, base.fits)
     kept = kept_effects(components, keep, model)
-    world = OpenWorld(cache.shortened(), components)
+    world = OpenWorld(cache.for_search(), components)
     stopped = []
     answer, judgement = None, Judgement(base, (), {})
     try:
@@ -181,8 +182,11 @@ def _complete_start(cache: FitCache, world: OpenWorld, judged: ModelWithEffects)
 
     Where the size of the noise is unsure, only the judged one counts.
     """
-    tried = [model for model in (judged, *cache.tried) if world.allows(model)]
-    near = [model for model in tried if _residual_ratio(model, cache.base) <= COMPLETE]
+    near = [model for model in world.tried if model.effects and _residual_ratio(model, world.base) <= COMPLETE]
+    alone = [model for model in near if len(model.effects) == 1]
+    searched = {model.key: model for model in (*best_first(near)[:LIKELIEST], *alone)}
+    tried = [judged, *(_with_all_samples(cache, model) for model in searched.values())]
+    near = [model for model in tried if world.allows(model) and _residual_ratio(model, cache.base) <= COMPLETE]
     if near:
         return best_first(near)[0]
     return judged if _is_complete(cache.clips, judged, cache.base) else None
@@ -342,16 +346,16 @@ def _without_name(finding: Finding) -> Finding:
 
 
 def _with_all_samples(cache: FitCache, judged: ModelWithEffects) -> ModelWithEffects:
-    """A model that was perhaps fitted to few samples, fitted to all; the base where that fails.
+    """A model that was fitted roughly, and perhaps to few samples, fitted to all; the base where that fails.
 
-    Moments are looked for again: they may lie between samples that were left out.
+    Moments are looked for again where they may lie between samples that were left out.
     """
-    if not judged.effects or judged.fits[0].used.size == cache.base.fits[0].used.size:
-        return judged if judged.effects else cache.base
-    lasting = [effect for effect in judged.effects if not effect.is_placed]
-    final = cache.with_effects(lasting, starts_of(judged, lasting)) if lasting else cache.base
-    for effect in judged.effects:
-        if effect.is_placed and final.usable:
+    few = judged.fits[0].used.size < cache.base.fits[0].used.size
+    again = [effect for effect in judged.effects if few and effect.is_placed]
+    lasting = [effect for effect in judged.effects if effect not in again]
+    final = cache.continued(judged, lasting) if lasting else cache.base
+    for effect in again:
+        if final.usable:
             final = cache.with_added(final, cache.screening(final).single(effect.name))
     return final if final.usable else cache.base
 

@@ -66,6 +66,7 @@ class FitCache:
         self._screenings: dict[frozenset[str], Screening] = {}
         self._errors: dict[frozenset[str], float] = {}
         self._few: FitCache | None = None
+        self._searched: FitCache | None = None
 
     @property
     def failed(self) -> list[tuple[str, FitResult]]:
@@ -80,10 +81,11 @@ class FitCache:
         return list(self._models.values())
 
     def _tried(self) -> Iterator[ModelWithEffects]:
-        """All refits, those to few samples as well."""
+        """All refits, rough ones and those to few samples as well."""
         yield from self._models.values()
-        if self._few is not None:
-            yield from self._few._tried()
+        for rough in (self._few, self._searched):
+            if rough is not None:
+                yield from rough._tried()
 
     def screening(self, current: ModelWithEffects) -> Screening:
         """The score tests of every effect that a model does not have yet."""
@@ -111,6 +113,11 @@ class FitCache:
     def with_effects(self, effects: Sequence[Effect], starts: Sequence[Starts]) -> ModelWithEffects:
         """The model with these effects, from the sizes and shapes of ``starts``, one a clip."""
         return self._fitted(self.base, effects, starts, [effect.name for effect in effects])
+
+    def continued(self, found: ModelWithEffects, effects: Sequence[Effect]) -> ModelWithEffects:
+        """The model with some effects of one that was fitted to fewer samples or roughly, from where that fit ended."""
+        no_starts: list[Starts] = [{}] * len(self.clips)
+        return self._fitted(replace(found, units=self.base.units), effects, no_starts, ())
 
     def without(self, current: ModelWithEffects, effect: Effect) -> ModelWithEffects:
         """The model with one of its effects removed."""
@@ -189,17 +196,21 @@ class FitCache:
             self._few = FitCache(rough, self._model, self.library, base, self._holdout, self.report)
         return self._few
 
-    def shortened(self) -> FitCache:
-        """A cache of refits to one sample of each short block of long clips; this one where the clips are short."""
+    def for_search(self) -> FitCache:
+        """A cache of rough refits, of long clips to one sample of each short block."""
         clips, units = self._at_samples(SEARCHED)
         if units is None or self.base.squares < BEYOND_NOISE**2 * sum(unit.size for unit in self.base.units):
-            return self
+            clips, units = list(self.clips), self.base.units
+        rough = [clip.with_(options=replace(clip.options, rough=True)) for clip in clips]
         fits = [
             fit_from(clip, fitted.model, free_values(fitted))
-            for clip, fitted in zip(clips, self.base.fits, strict=True)
+            for clip, fitted in zip(rough, self.base.fits, strict=True)
         ]
         base = replace(self.base, fits=tuple(fits), units=units)
-        return FitCache(clips, self._model, self.library, base, self._holdout, self.report) if base.usable else self
+        if not base.usable:
+            return self
+        self._searched = FitCache(rough, self._model, self.library, base, self._holdout, self.report)
+        return self._searched
 
     def _at_samples(self, few: int) -> tuple[list[FitRequest], tuple[Array, ...] | None]:
         """The clips at one sample of each block, and the units of their residuals; None where each sample is one."""

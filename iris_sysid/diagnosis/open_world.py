@@ -86,6 +86,11 @@ class OpenWorld:
         return self._cache.base
 
     @property
+    def tried(self) -> list[ModelWithEffects]:
+        """All models that were fitted and can be used."""
+        return [model for model in self._cache.tried if model.usable]
+
+    @property
     def testable(self) -> bool:
         """Whether the clips are long enough to leave out blocks."""
         return bool(self._blocks)
@@ -262,11 +267,18 @@ class OpenWorld:
 
     def _is_evident(self, model: ModelWithEffects, effect: Effect, sure: bool) -> bool:
         """Whether an effect is a good part of the residual that the components say, or explains nearly all of it."""
+        if self._has_formula(model, effect):
+            return False
         share = self.share_of(model, effect)
         if self._agrees(effect, of_range=True) and (share >= EVIDENT_SHARE or self._dominant(model) is effect):
             return True
         blind = not self._components_turn and (self._kinds or self._removed(model, effect) >= DOMINANT_SHARE)
         return bool(sure and blind and share >= DOMINANT_SHARE)
+
+    def _has_formula(self, model: ModelWithEffects, effect: Effect) -> bool:
+        """Whether, on a motion that never turns, an effect with a formula alone explains about as much as this one."""
+        others = self.as_good_alone(model, effect, sure=False) if self._never_turns else ()
+        return any(not self._library[name].absorbs for name in others)
 
     @property
     def _never_turns(self) -> bool:
@@ -530,6 +542,8 @@ class OpenWorld:
         if effect.absorbs and not self._is_named_absorbing(model, effect, share):
             return _absorbing(effect, share)
         is_rest = len(model.effects) > 1 and self.share_of(model, effect) < SMALLEST_SHARE
+        if self._never_turns and effect is self._main(model):
+            share, is_rest = self._alone(model, effect), False
         if share < NAMED_SHARE or is_rest:
             return Finding("located", effect.component, names, share, "it is a small part of the residual")
         if not any(
@@ -553,6 +567,10 @@ class OpenWorld:
         most = max(model.effects, key=lambda effect: shares[effect.name])
         is_main = most.absorbs and shares[most.name] >= DOMINANT_SHARE
         return most if is_main and (self._never_turns or self._agrees(most, of_range=True)) else None
+
+    def _main(self, model: ModelWithEffects) -> Effect:
+        """The effect with a formula that alone explains most; on a motion that never turns the others imitate it."""
+        return max(model.effects, key=lambda effect: (not effect.absorbs, self._alone(model, effect)))
 
     def _alone(self, model: ModelWithEffects, effect: Effect) -> float:
         """The fraction of the residual that an effect of a model removes without the others."""

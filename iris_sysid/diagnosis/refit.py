@@ -226,9 +226,9 @@ def _refitted(
     """One clip's fit; an effect whose shape is chosen and not fitted gets the best shape near its starting shape."""
     values, weak = _nearest_start(clip, fitted, start, unit, model, effects)
     best = _fit_from(clip, values, fitted.free, model, effects)
-    if len(effects) == 1 and best.usable and not weak:
-        misfit = _misfit(clip, best, unit)
-        if misfit > FAR_OFF**2 * best.n * len(best.rms):
+    if len(effects) == 1 and not weak:
+        misfit = _misfit(clip, best, unit) if best.usable else np.inf
+        if misfit > FAR_OFF**2 * fitted.n * len(fitted.rms):
             grown = _fit_from(clip, values, fitted.free, model, effects, growing=True)
             best = grown if grown.usable and _misfit(clip, grown, unit) < misfit else best
     for effect in effects:
