@@ -357,6 +357,8 @@ def _with_all_samples(cache: FitCache, judged: ModelWithEffects) -> ModelWithEff
     for effect in again:
         if final.usable:
             final = cache.with_added(final, cache.screening(final).single(effect.name))
+    if again and not final.usable:
+        final = cache.refitted_again(judged)
     return final if final.usable else cache.base
 
 

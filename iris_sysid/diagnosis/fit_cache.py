@@ -119,6 +119,13 @@ class FitCache:
         no_starts: list[Starts] = [{}] * len(self.clips)
         return self._fitted(replace(found, units=self.base.units), effects, no_starts, ())
 
+    def refitted_again(self, found: ModelWithEffects) -> ModelWithEffects:
+        """The same model as one that was fitted to fewer samples, in its shapes; takes the place of one that failed."""
+        no_starts: list[Starts] = [{}] * len(self.clips)
+        start = replace(found, units=self.base.units)
+        self._models[found.key] = refitted(self.clips, start, self._model, found.effects, no_starts)
+        return self._models[found.key]
+
     def without(self, current: ModelWithEffects, effect: Effect) -> ModelWithEffects:
         """The model with one of its effects removed."""
         effects = [other for other in current.effects if other.name != effect.name]
