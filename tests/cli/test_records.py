@@ -55,7 +55,7 @@ def output_of(command):
 
 
 def test_commands_of_the_guide_find_the_truth_and_write_the_validation(folder):
-    fitted, _, diagnosed = map(output_of, COMMANDS)
+    fitted, _, diagnosed, _, _, looked = map(output_of, COMMANDS)
     assert "inputs between samples: held" in fitted
     assert float(re.search(r"^k\s+([\d.]+)", fitted, re.MULTILINE)[1]) == pytest.approx(2.0, rel=0.02)
     assert (folder / "white.png").stat().st_size > 10_000
@@ -69,6 +69,8 @@ def test_commands_of_the_guide_find_the_truth_and_write_the_validation(folder):
     assert document["validation"]["fit_percent"][0] > 95
     assert "Validation on a record that was not used" in (folder / "diagnosis" / "report.html").read_text("utf-8")
     assert "lie outside the 99 % bands" in diagnosed
+    assert "1 look by 1 model" in looked
+    assert float(re.search(r"simulation error ([\d.]+)", looked)[1]) == pytest.approx(NOISE, rel=0.3)
 
 
 @pytest.mark.parametrize("code", PYTHON)
