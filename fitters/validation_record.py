@@ -40,8 +40,8 @@ def validate_fit(
     estimation
         What was fitted: a linear model of the same order is fitted to it, and simulates the record as well.
     initial
-        The initial states are estimated from so many first valid samples, which are not scored: the window of a
-        benchmark. Without it they are estimated from all samples, and all are scored.
+        The initial states are estimated from this number of first valid samples, which are not scored: the window of
+        a benchmark. Without it they are estimated from all samples, and all are scored.
     continues
         The record follows the estimation record without a break: the simulation of that one, with its inputs, gives
         the initial states, and no sample of the record does.

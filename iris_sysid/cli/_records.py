@@ -145,7 +145,7 @@ def kept(text: str, record: Trajectory) -> int:
     text
         As typed.
     record
-        Of which a share is meant.
+        Its valid samples are counted.
     """
     match = SHARE.fullmatch(text.strip())
     if match is None:
@@ -154,7 +154,7 @@ def kept(text: str, record: Trajectory) -> int:
     if match["percent"]:
         return round(0.01 * number * valid)
     if not number.is_integer():
-        raise DataError(f"--keep {text:.40} is no number of samples; a share is written 20%")
+        raise DataError(f"--keep {text:.40} is not a whole number of samples; a share is written 20%")
     return int(number)
 
 

@@ -26,7 +26,7 @@ Frozen = Annotated[
 ]
 Initial = Annotated[
     int | None,
-    typer.Option(help="The initial state comes from so many first samples, which are not scored.", min=1),
+    typer.Option(help="Number of first samples that give the initial state and are not scored.", min=1),
 ]
 After = Annotated[
     Path | None,

@@ -94,7 +94,7 @@ def open_sealed(path: str | Path, model: str, name: str) -> tuple[Trajectory, tu
     Raises
     ------
     DataError
-        When the file is no sealed record, or its log was changed.
+        When the file is not a sealed record, or its log was changed.
     OutputError
         When the look cannot be logged: the record is not opened then.
     """
@@ -194,7 +194,7 @@ def _look_of(line: bytes, where: str) -> Look:
         content = json.loads(line)
         if {key: type(value) for key, value in content.items()} == FIELDS:
             return Look(**content)
-    raise DataError(f"{where}: this is no look as iris-sysid logs it; restore the log")
+    raise DataError(f"{where}: this is not a look as iris-sysid logs it; restore the log")
 
 
 def _unsealed(data: bytes, path: Path) -> Trajectory:
@@ -202,7 +202,7 @@ def _unsealed(data: bytes, path: Path) -> Trajectory:
         reader = zlib.decompressobj(GZIP)
         table = reader.decompress(data, MAX_BYTES)
     except zlib.error as error:
-        raise DataError(f"{path} is no record that iris-sysid sealed: {error!s:.100}") from error
+        raise DataError(f"{path} is not a record that iris-sysid sealed: {error!s:.100}") from error
     if not reader.eof:
         raise DataError(f"{path} is cut short, or unpacks to more than {MAX_BYTES / 1e6:.0f} MB")
     return trajectory_of_sheet(sheet_of(table, str(path)), None, origin_of(path, {}))

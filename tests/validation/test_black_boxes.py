@@ -69,7 +69,7 @@ def test_a_part_of_the_drives_holds_no_row_of_the_other(tmp_path, monkeypatch, t
     from validation import driven_benchmarks
 
     rows = [",".join(f"{k}.{j}" for j in range(4)) + "," for k in range(500)]
-    (tmp_path / "drives.csv").write_text("\n".join(['"u11","u12","z11","z12",', *rows]) + "\n")
+    (tmp_path / "drives.csv").write_text("\n".join(['"u11","u12","z11","z12",', *rows]) + "\n,,,,\n\n")
     monkeypatch.setattr(driven_benchmarks, "DRIVES", tmp_path / "drives.csv")
     first, second = driven_benchmarks.drives(test)
     numbers = np.arange(400, 500) if test else np.arange(400)
