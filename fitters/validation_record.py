@@ -2,19 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
+from fitters.integrator.initial_value_problem import value_names
 from fitters.linear_model import evenly_sampled, output_error_model
-from fitters.ode import FitOptions, fit
+from fitters.ode import FitOptions, fit, simulate
 from fitters.ode.fit_problem import known_inputs
 from iris_sysid.errors import DataError, FitError
-from iris_sysid.types import NORMAL_995, Array, FitResult, LinearModel, Mask, Trajectory, Validation
+from iris_sysid.types import NORMAL_995, Array, FitResult, LinearModel, Mask, OdeModel, Trajectory, Validation
 
 MAX_LAGS = 25  # samples over which residuals are correlated, as control engineers plot them
 MIN_SAMPLES = 20  # of either part of a record that is split
 
 
-def validate_fit(fitted: FitResult, record: Trajectory, estimation: Trajectory | None = None) -> Validation:
+def validate_fit(
+    fitted: FitResult,
+    record: Trajectory,
+    estimation: Trajectory | None = None,
+    *,
+    initial: int | None = None,
+    continues: bool = False,
+) -> Validation:
     """Simulate a record that was not used with a fitted model, and test the residual.
 
     Every parameter is held at its estimate; only the initial states are estimated from the record. The simulation runs
@@ -29,37 +39,123 @@ def validate_fit(fitted: FitResult, record: Trajectory, estimation: Trajectory |
         Of the same quantities and inputs.
     estimation
         What was fitted: a linear model of the same order is fitted to it, and simulates the record as well.
+    initial
+        The initial states are estimated from this number of first valid samples, which are not scored: the window of
+        a benchmark. Without it they are estimated from all samples, and all are scored.
+    continues
+        The record follows the estimation record without a break: the simulation of that one, with its inputs, gives
+        the initial states, and no sample of the record does.
 
     Raises
     ------
     FitError
         When the fit has no estimates, or the record cannot be simulated.
+    DataError
+        When the record has no samples after the first ones, or does not follow the estimation record.
     """
     if not fitted.usable:
         raise FitError(f"the fit is {fitted.status} and has no estimates to validate: {fitted.message}")
-    held = {parameter.name: fitted.estimates[parameter.name].value for parameter in fitted.model.parameters}
+    values = {name: estimate.value for name, estimate in fitted.estimates.items()}
+    return validate_model(
+        fitted.model, values, record, estimation, used=fitted.used, initial=initial, continues=continues
+    )
+
+
+def validate_model(
+    model: OdeModel,
+    values: Mapping[str, float],
+    record: Trajectory,
+    estimation: Trajectory | None = None,
+    *,
+    used: Mask | None = None,
+    initial: int | None = None,
+    continues: bool = False,
+) -> Validation:
+    """As :func:`validate_fit`, of a model with given values.
+
+    Parameters
+    ----------
+    model
+        The equation.
+    values
+        Its parameters by name; where the record continues another, the initial states of that one as well.
+    record, estimation, initial, continues
+        As for :func:`validate_fit`.
+    used
+        Samples (n,) of the estimation record that were fitted; all valid ones if None.
+    """
+    held = {parameter.name: values.get(parameter.name, np.nan) for parameter in model.parameters}
     known = {name: value for name, value in held.items() if np.isfinite(value)}
     plain = record.with_(known={}, free=(), doubts=())
-    simulated = fit(plain, fitted.model, fixed=known, options=FitOptions(discrepancy=False))
+    scored = _after(plain, initial or 0)
+    if continues:
+        if estimation is None:
+            raise DataError("a record that continues another needs that one")
+        known |= _states_after(model, {**values, **known}, estimation, plain)
+    elif initial is not None:
+        window = _simulated(plain.with_(valid=plain.valid & ~scored), model, known)
+        known |= {name: window.estimates[name].value for name in model.initial_names}
+    simulated = _simulated(plain, model, known)
+    counted = simulated.used & scored
+    observed = simulated.predicted + simulated.residual
+    error = np.where(counted[:, None], simulated.residual, np.nan)
+    inputs = known_inputs(plain, simulated.model, slice(None))
+    driven = np.zeros((plain.n, 0)) if inputs is None else inputs
+    own, with_inputs = correlations(error, driven)
+    linear = None
+    if estimation is not None:
+        linear = _linear(simulated.model, (estimation, estimation.valid if used is None else used), (plain, counted))
+    return Validation(
+        simulated.model.observed,
+        simulated.model.inputs,
+        np.sqrt(np.nanmean(error**2, axis=0)),
+        fit_percent(observed, simulated.predicted, counted),
+        own[:, 1:],
+        NORMAL_995 / float(np.sqrt(counted.sum())),
+        with_inputs,
+        _input_bands(own, driven[counted], int(counted.sum())),
+        simulated,
+        linear,
+    )
+
+
+def _after(record: Trajectory, count: int) -> Mask:
+    """The samples (n,) after the first ``count`` valid ones."""
+    valid = np.flatnonzero(record.valid)
+    if valid.size - count < MIN_SAMPLES:
+        raise DataError(
+            f"the record has {valid.size} valid samples: {count} first ones leave {valid.size - count} to score, "
+            f"{MIN_SAMPLES} are needed"
+        )
+    return np.asarray(np.arange(record.n) > valid[count - 1] if count else np.ones(record.n, dtype=np.bool_))
+
+
+def _simulated(record: Trajectory, model: OdeModel, known: Mapping[str, float]) -> FitResult:
+    """The model on a record; initial states that are not known are estimated."""
+    simulated = fit(record, model, fixed=known, options=FitOptions(discrepancy=False))
     if not np.all(np.isfinite(simulated.rms)):
         raise FitError(f"the validation record cannot be simulated: {simulated.message}")
-    model, used = simulated.model, simulated.used
-    observed = simulated.predicted + simulated.residual
-    inputs = known_inputs(plain, model, slice(None))
-    driven = np.zeros((plain.n, 0)) if inputs is None else inputs
-    own, with_inputs = correlations(np.where(used[:, None], simulated.residual, np.nan), driven)
-    return Validation(
-        model.observed,
-        model.inputs,
-        simulated.rms,
-        fit_percent(observed, simulated.predicted, used),
-        own[:, 1:],
-        NORMAL_995 / float(np.sqrt(used.sum())),
-        with_inputs,
-        _input_bands(own, driven[used], int(used.sum())),
-        simulated,
-        None if estimation is None else _linear(fitted, estimation, plain, simulated),
-    )
+    return simulated
+
+
+def _states_after(
+    model: OdeModel, values: Mapping[str, float], before: Trajectory, record: Trajectory
+) -> dict[str, float]:
+    """Initial states of a record that follows another, from a simulation of that one with its inputs."""
+    steps = np.diff(before.t_s)
+    break_s = float(record.t_s[0] - before.t_s[-1])
+    if not 0 < break_s <= 2 * float(np.max(steps)):
+        raise DataError(
+            f"the record starts {break_s:.4g} s after the end of the one that it is to continue; it must follow it"
+        )
+    first = int(np.flatnonzero(before.valid)[0])
+    span, start = slice(first, None), int(np.flatnonzero(record.valid)[0])
+    parts = [known_inputs(clip, model, where) for clip, where in ((before, span), (record, slice(start + 1)))]
+    inputs = np.concatenate([part for part in parts if part is not None]) if model.inputs else None
+    t_s = np.concatenate([before.t_s[span], record.t_s[: start + 1]])
+    own = {name: values[name] for name in value_names(model) if name in values}
+    last = simulate(model, t_s, own, inputs=inputs, hold=before.hold).states[-1]
+    return dict(zip(model.initial_names, last.tolist(), strict=True))
 
 
 def split_record(record: Trajectory, share: float) -> tuple[Trajectory, Trajectory]:
@@ -79,6 +175,40 @@ def split_record(record: Trajectory, share: float) -> tuple[Trajectory, Trajecto
         )
     late = np.arange(record.n) >= valid[-count]
     return record.with_(valid=record.valid & ~late), record.with_(valid=record.valid & late)
+
+
+def cut_record(record: Trajectory, count: int) -> tuple[Trajectory | None, Trajectory]:
+    """The record before its last ``count`` valid samples, None if nothing is, and the rest: each with its rows alone.
+
+    Raises
+    ------
+    DataError
+        When one of the parts would have too few samples.
+    """
+    valid = np.flatnonzero(record.valid)
+    rest = valid.size - count
+    if count < MIN_SAMPLES or 0 < rest < MIN_SAMPLES or rest < 0:
+        raise DataError(
+            f"{count} of {valid.size} valid samples leave {rest}: both parts need {MIN_SAMPLES}, or one is all of it"
+        )
+    first = int(valid[-count]) if rest else 0
+    return (_rows(record, slice(0, first)) if rest else None), _rows(record, slice(first, None))
+
+
+def _rows(record: Trajectory, rows: slice) -> Trajectory:
+    """What was measured in these rows."""
+    return Trajectory(
+        record.t_s[rows],
+        record.quantities,
+        record.position[rows],
+        record.sigma[rows],
+        record.valid[rows],
+        record.input_quantities,
+        None if record.inputs is None else record.inputs[rows],
+        sensor=record.sensor,
+        hold=record.hold,
+        origin={"source": record.origin.get("source"), "sha256": record.origin.get("sha256")},
+    )
 
 
 def fit_percent(observed: Array, simulated: Array, used: Mask) -> Array:
@@ -140,13 +270,15 @@ def _input_bands(own: Array, driven: Array, count: int) -> Array:
     return np.asarray(NORMAL_995 * np.sqrt(np.maximum(both, 1.0) / count))
 
 
-def _linear(fitted: FitResult, estimation: Trajectory, record: Trajectory, simulated: FitResult) -> LinearModel | None:
-    """The linear model of the same order, on the same samples; None without inputs, or at uneven times."""
-    model, order = fitted.model, len(fitted.model.states)
-    if not model.inputs or not (evenly_sampled(estimation.t_s) and evenly_sampled(record.t_s)):
+def _linear(
+    model: OdeModel, estimation: tuple[Trajectory, Mask], validation: tuple[Trajectory, Mask]
+) -> LinearModel | None:
+    """The linear model of the same order, on the same samples of two records; None undriven, or at uneven times."""
+    order = len(model.states)
+    if not model.inputs or not (evenly_sampled(estimation[0].t_s) and evenly_sampled(validation[0].t_s)):
         return None
     parts = []
-    for clip, used in ((estimation, fitted.used), (record, simulated.used)):
+    for clip, used in (estimation, validation):
         span = slice(int(np.argmax(used)), int(np.flatnonzero(used)[-1]) + 1)
         inputs = known_inputs(clip, model, span)
         assert inputs is not None

@@ -35,6 +35,10 @@ COMMANDS = {
         "diagnose",
         "Find what a governing equation lacks: the parts of its residual, the effects, the error before and after.",
     ),
+    "sealed": (
+        "sealed",
+        "Keep a test record sealed while a model is searched: each look at it is counted and logged.",
+    ),
     "plan": (
         "plan",
         "Rank what to film next: how likely each change of the set-up tells the possible effects apart.",
@@ -63,7 +67,7 @@ COMMANDS = {
 # The commands in the help, by what a user has; one that is in no group comes under the last heading.
 GROUPS = {
     "One clip": ("run", "review", "calibrate", "frame", "track", "import"),
-    "One table": ("smooth", "fit", "diagnose", "plan", "discover"),
+    "One table": ("smooth", "fit", "diagnose", "sealed", "plan", "discover"),
     "Many clips": ("class", "gt", "benchmark"),
     "Synthetic clips": ("demo", "render", "tensors"),
     "What there is": ("list", "schema"),

@@ -1,10 +1,10 @@
-"""The model that ``diagnose`` is about: named, of a phenomenon, written as an equation, of a run, or of the bank."""
+"""The model that a command is about: named, of a phenomenon, an equation, a run, the bank, or a fit on disk."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -12,7 +12,8 @@ from iris_sysid.cli import _own_equation, _terminal
 from iris_sysid.errors import DataError
 
 if TYPE_CHECKING:
-    from iris_sysid.types import OdeModel
+    from iris_sysid.io.schemas import FitDocument
+    from iris_sysid.types import OdeModel, Trajectory
 
 AUTO = "auto"
 
@@ -76,6 +77,29 @@ def model_of_runs(clips: Sequence[Path]) -> str:
     if len(models) > 1:
         raise DataError(f"these runs have different models: {', '.join(sorted(models))}; diagnose them one by one")
     return models.pop()
+
+
+def model_of_fit(document: FitDocument, clip: Trajectory) -> OdeModel:
+    """The model of a fit on disk, without effects: registered, of a FILE.py, or of an equation, as it was typed then.
+
+    Parameters
+    ----------
+    document
+        The fit; its origin records the options.
+    clip
+        Gives an equation its units.
+    """
+    from iris_sysid.registry import MODELS, PHENOMENA
+
+    typed = document.origin.get("options", {})
+    options: dict[str, Any] = typed if isinstance(typed, dict) else {}
+    if options.get("equation"):
+        bounds, known = options.get("bound") or [], options.get("set") or []
+        return _own_equation.model_for(options["equation"], bounds, known, clip)
+    if document.model in MODELS:
+        return MODELS[document.model]
+    phenomenon = options.get("phenomenon")
+    return MODELS.named(PHENOMENA.named(phenomenon).model if phenomenon else options.get("model") or document.model)
 
 
 def _chosen(clips: Sequence[Path], columns: str | None) -> OdeModel:

@@ -62,12 +62,17 @@ def model_of(text: str, bounds: Sequence[str], known: Sequence[str], table: Path
     table
         The first table that will be fitted.
     """
-    from fitters.own_model.equation import model_from_equation, quantities_of_equation
-    from iris_sysid.cli import _parsing
     from iris_sysid.io.csv_read import read_trajectory
     from iris_sysid.io.table_headers import parse_columns
 
-    clip = read_trajectory(table, None if columns is None else parse_columns(columns))
+    return model_for(text, bounds, known, read_trajectory(table, None if columns is None else parse_columns(columns)))
+
+
+def model_for(text: str, bounds: Sequence[str], known: Sequence[str], clip: Trajectory) -> OdeModel:
+    """The model of an equation for a trajectory; see :func:`model_of`."""
+    from fitters.own_model.equation import model_from_equation, quantities_of_equation
+    from iris_sysid.cli import _parsing
+
     units = {name: value.unit for name, value in _parsing.settings(known).items() if value.unit}
     units |= {quantity.name: quantity.unit for quantity in (*clip.quantities, *clip.input_quantities)}
     names = quantities_of_equation(text)

@@ -137,6 +137,38 @@ def split(
     return [estimation], record
 
 
+def kept(text: str, record: Trajectory) -> int:
+    """Number of valid samples in the last part of a record, from ``20%`` or ``100``.
+
+    Parameters
+    ----------
+    text
+        As typed.
+    record
+        Its valid samples are counted.
+    """
+    match = SHARE.fullmatch(text.strip())
+    if match is None:
+        raise DataError(f"cannot read --keep {text!r:.40}: give a share, 20%, or a number of samples, 100")
+    number, valid = float(match["number"]), int(record.valid.sum())
+    if match["percent"]:
+        return round(0.01 * number * valid)
+    if not number.is_integer():
+        raise DataError(f"--keep {text:.40} is not a whole number of samples; a share is written 20%")
+    return int(number)
+
+
+def draw(validation: Validation, picture: Path | None, force: bool) -> None:
+    """Draw a validation to a PNG file, where one is wanted."""
+    if picture is None:
+        return
+    from iris_sysid.io.files import write_atomic
+    from iris_sysid.report.page import png_of
+    from iris_sysid.report.validation_figure import validation_figure
+
+    write_atomic(picture, png_of(validation_figure(validation)), overwrite=force)
+
+
 def tell(validation: Validation, json: bool, what: str = "validation") -> None:
     """Say what a validation found: the simulation error, the linear model, and the correlations outside their bands.
 

@@ -183,7 +183,7 @@ def _fit_one(
         from iris_sysid.cli import _records
 
         _records.tell(found, json)
-        _draw_validation(found, validation[2], force)
+        _records.draw(found, validation[2], force)
     return result.verdict
 
 
@@ -191,16 +191,6 @@ def _validated(result: FitResult, trajectory: Trajectory, record: Trajectory) ->
     from fitters.validation_record import validate_fit
 
     return validate_fit(result, record.with_(hold=trajectory.hold), trajectory)
-
-
-def _draw_validation(validation: Validation, picture: Path | None, force: bool) -> None:
-    if picture is None:
-        return
-    from iris_sysid.io import files
-    from iris_sysid.report.page import png_of
-    from iris_sysid.report.validation_figure import validation_figure
-
-    files.write_atomic(picture, png_of(validation_figure(validation)), overwrite=force)
 
 
 def _pool(

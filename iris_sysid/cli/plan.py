@@ -1,7 +1,7 @@
 """The command ``iris-sysid plan``."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -206,25 +206,13 @@ def _question(document: "DiagnosisDocument", names: tuple[str, ...], clip: Path,
     """What a diagnosis of a clip left open; ``names``, where given, are asked about instead."""
     from dataclasses import replace
 
-    question = _asked(document, _model_of(document, clip, columns))
+    from iris_sysid.cli import _model_choice
+    from iris_sysid.io.csv_read import read_trajectory
+    from iris_sysid.io.table_headers import parse_columns
+
+    first = read_trajectory(clip, None if columns is None else parse_columns(columns))
+    question = _asked(document, _model_choice.model_of_fit(document.base, first))
     return replace(question, names=names) if names else question
-
-
-def _model_of(document: "DiagnosisDocument", clip: Path, columns: str | None) -> "OdeModel":
-    """The model of a diagnosis on disk: registered, of a FILE.py, or of an equation, as it was typed then."""
-    from iris_sysid.registry import MODELS, PHENOMENA
-
-    typed = document.base.origin.get("options", {})
-    options: dict[str, Any] = typed if isinstance(typed, dict) else {}
-    if options.get("equation"):
-        from iris_sysid.cli import _own_equation
-
-        typed_as = options["equation"], options.get("bound") or [], options.get("set") or []
-        return _own_equation.model_of(*typed_as, clip, columns)
-    if document.base.model in MODELS:
-        return MODELS[document.base.model]
-    phenomenon = options.get("phenomenon")
-    return MODELS.named(PHENOMENA.named(phenomenon).model if phenomenon else options.get("model", document.base.model))
 
 
 def _asked(document: "DiagnosisDocument", model: "OdeModel") -> "Question":

@@ -180,8 +180,12 @@ def read_sheet(path: str | Path) -> Sheet:
     UTF-8, with or without a byte order mark, or UTF-16 with one. Blank lines are skipped, unnamed empty columns left
     out. Raises DataError for another kind of file, and for one without rows or with a row or column too many.
     """
-    label = str(path)
-    text = _decode(read_file(path), label)
+    return sheet_of(read_file(path), str(path))
+
+
+def sheet_of(data: bytes, label: str) -> Sheet:
+    """The cells of a CSV file from its bytes; see :func:`read_sheet`."""
+    text = _decode(data, label)
     header_line = re.split(r"[\r\n]", text.lstrip()[:FIRST_LINE], maxsplit=1)[0]
     separator = next((character for character in ",;\t" if character in header_line), ",")
     blocks = _blocks(text, separator, label)

@@ -27,6 +27,7 @@ SEPARATORS = (";", "\t", ",", " ")  # the first of those that split the lines in
 COMMENT = re.compile(r"\s*(#|//|%|!)")
 SEPARATOR_LINE = re.compile(r"sep=(.)", re.IGNORECASE)
 NUMERIC = re.compile(r"[-+]?(?:[0-9]+(?:[.,][0-9]*)?|[.,][0-9]+)(?:[eE][-+]?[0-9]+)?")
+SEALED = ".sealed"  # a record that only a logged look opens
 EXCEL = (b"PK\x03\x04", b"\xd0\xcf\x11\xe0")  # .xlsx, also under the name .xls; and .xls
 
 
@@ -53,6 +54,8 @@ def read_cells(path: str | Path) -> Cells:
     begin with ``#``, ``//``, ``%`` or ``!`` are skipped. Raises DataError for anything but a table.
     """
     file, sheet = _file_and_sheet(str(path))
+    if file.endswith(SEALED):
+        raise DataError(f"{file} is sealed: iris-sysid sealed {file} --fit fit.json opens it, and logs the look")
     data = read_file(file)
     if is_array_file(data):
         titles, columns, said = array_columns(data, file)

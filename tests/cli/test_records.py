@@ -18,6 +18,7 @@ from tests._project import ROOT
 PAGE = (ROOT / "docs" / "guide" / "records.md").read_text("utf-8")
 COMMANDS = [line for line in PAGE.splitlines() if line.startswith("iris-sysid ")]
 PYTHON = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+(OUTPUT,) = re.findall(r"```text\n(.*?)\n```", PAGE, re.DOTALL)
 MODEL = "w' = -k*w + b*u"
 STEP_S, NOISE = 0.1, 1e-2
 MATLAB = b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM"
@@ -55,20 +56,23 @@ def output_of(command):
 
 
 def test_commands_of_the_guide_find_the_truth_and_write_the_validation(folder):
-    fitted, _, diagnosed = map(output_of, COMMANDS)
+    fitted, diagnosed, _, _, _, looked = map(output_of, COMMANDS)
     assert "inputs between samples: held" in fitted
-    assert float(re.search(r"^k\s+([\d.]+)", fitted, re.MULTILINE)[1]) == pytest.approx(2.0, rel=0.02)
+    assert float(re.search(r"^k\s+([\d.]+)", fitted, re.MULTILINE)[1]) == pytest.approx(2.0, rel=0.03)
     assert (folder / "white.png").stat().st_size > 10_000
     one, two = (json.loads((folder / name).read_text()) for name in ("motor.json", "rig.json"))
     assert one["validation"]["record"] == "motor2.csv"
     assert one["validation"]["rms"][0] == pytest.approx(NOISE, rel=0.2)
     assert one["validation"]["linear"]["order"] == 1
     assert two["validation"]["n"] == pytest.approx(0.3 * 240, abs=1)
-    assert two["parameters"]["k"]["value"] == pytest.approx(2.0, rel=0.03)
+    said = OUTPUT.splitlines()
+    assert [line for line in fitted.splitlines() if line.startswith(("validation", "residual", "inputs"))] == said
     document = json.loads((folder / "diagnosis" / "diagnosis.json").read_text())
     assert document["validation"]["fit_percent"][0] > 95
     assert "Validation on a record that was not used" in (folder / "diagnosis" / "report.html").read_text("utf-8")
     assert "lie outside the 99 % bands" in diagnosed
+    assert "1 look by 1 model" in looked
+    assert float(re.search(r"simulation error ([\d.]+)", looked)[1]) == pytest.approx(NOISE, rel=0.3)
 
 
 @pytest.mark.parametrize("code", PYTHON)
