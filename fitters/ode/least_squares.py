@@ -263,7 +263,9 @@ def _minimised(objective: _Objective, loss: Loss, most: int, *, rough: bool) -> 
                 max_nfev=most,
             )
         except ValueError as error:
-            return OptimizeResult(x=start, fun=objective.residual(start), success=False, message=str(error))
+            given_up = OptimizeResult()
+            given_up.update(x=start, fun=objective.residual(start), success=False, message=str(error))
+            return given_up
 
 
 def reweighted(target: Target, solution: Solution) -> Target:
