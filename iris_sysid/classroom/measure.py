@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from fitters.ode.single_clip import fit
 from fitters.positions import fit_positions, phenomenon_of
@@ -19,11 +23,20 @@ from iris_sysid.errors import DataError, IrisError, OutputError
 from iris_sysid.io.csv_cells import is_own_table
 from iris_sysid.io.csv_read import read_track, read_trajectory
 from iris_sysid.io.csv_write import write_trajectory
-from iris_sysid.io.files import check_writable, origin_of
+from iris_sysid.io.files import check_writable, origin_of, sha256_of
 from iris_sysid.io.grouped_table import read_group
 from iris_sysid.io.json_documents import checked, entries_of, plain_origin, read_document, write_document, write_fit
 from iris_sysid.io.schemas import GroupDocument
-from iris_sysid.pipeline import FILES, accepted_settings, from_source, observe_and_fit, run, save
+from iris_sysid.pipeline import (
+    FILES,
+    accepted_settings,
+    from_source,
+    observe_and_fit,
+    open_clip,
+    run,
+    run_tracked,
+    save,
+)
 from iris_sysid.registry import MODELS
 from iris_sysid.trajectory.consistency.capture_rate import STATED
 from iris_sysid.types import Calibration, Estimate, FitResult, Progress, Track, Trajectory, with_progress
@@ -31,7 +44,7 @@ from iris_sysid.video.reader import Video
 
 GROUPS = "groups"  # folder of the groups' folders
 DOCUMENT, PAGE = "group.json", "report.html"  # of each group; the document is written last
-TRAJECTORY, FIT = "trajectory.csv", "fit.json"
+TRACK, TRAJECTORY, FIT = "track.csv", "trajectory.csv", "fit.json"
 FAILED = "failed"
 RESULTS = (*FILES, DOCUMENT)
 
@@ -62,7 +75,8 @@ def measure_groups(
     """Measure the groups, and write ``groups/<group>/`` with page, trajectory, fit and ``group.json``.
 
     A group whose file (by sha256), options and package versions are unchanged is not measured again, also after an
-    interrupted run. A group that cannot be measured has the status ``failed`` and a message with the reason.
+    interrupted run. A corrected track of that file, saved by a review in the group's folder, is fitted instead of a
+    new one. A group that cannot be measured has the status ``failed`` and a message with the reason.
 
     Parameters
     ----------
@@ -118,11 +132,12 @@ def _measured_now(root: Path, group: Group) -> tuple[bool, str]:
     """Whether a group was measured now, and the reason of a failure; empty where there is none."""
     folder = root / GROUPS / group.source.folder
     try:
-        origin = _origin(group)
+        corrected = _corrected(group, folder)
+        origin = _origin(group, corrected)
         earlier = _earlier(folder, origin)
         if earlier is not None:
             return False, earlier.message if earlier.status == FAILED else ""
-        _write(group, folder, origin)
+        _write(group, folder, origin, corrected)
     except OutputError:
         raise
     except IrisError as error:
@@ -132,9 +147,28 @@ def _measured_now(root: Path, group: Group) -> tuple[bool, str]:
     return True, ""
 
 
-def _origin(group: Group) -> dict[str, Any]:
+def _origin(group: Group, corrected: Sequence[Track] = ()) -> dict[str, Any]:
     row = {"column": group.source.column, "group": group.source.row} if group.source.column else {}
-    return plain_origin(origin_of(group.source.path, {**group.request.typed, **row}))
+    origin = plain_origin(origin_of(group.source.path, {**group.request.typed, **row}))
+    return {**origin, "track": [_digest(track) for track in corrected]} if corrected else origin
+
+
+def _digest(track: Track) -> str:
+    """The sha256 of the positions of a track."""
+    return hashlib.sha256(np.where(track.valid[:, None], track.xy_px, np.nan).tobytes()).hexdigest()
+
+
+def _corrected(group: Group, folder: Path) -> list[Track]:
+    """The tracks of the group's clip that a person has corrected and saved in its folder; [] where there are none."""
+    if group.source.is_table or not (folder / TRACK).is_file():
+        return []
+    try:
+        tracks = read_track(folder / TRACK)
+    except DataError:
+        return []  # a file that was cut is written anew
+    origin = tracks[0].origin
+    same = origin.get("sha256") == sha256_of(group.source.path)
+    return tracks if same and origin.get("review") is not None else []
 
 
 def _earlier(folder: Path, origin: Mapping[str, Any]) -> GroupDocument | None:
@@ -147,23 +181,24 @@ def _earlier(folder: Path, origin: Mapping[str, Any]) -> GroupDocument | None:
     return document if complete and document.origin == origin else None
 
 
-def _write(group: Group, folder: Path, origin: Mapping[str, Any]) -> None:
+def _write(group: Group, folder: Path, origin: Mapping[str, Any], corrected: Sequence[Track]) -> None:
     (folder / DOCUMENT).unlink(missing_ok=True)  # a document that is there belongs to the files beside it
     for name in RESULTS:
         check_writable(folder / name, overwrite=True)
-    measured = _of_a_table(group, folder) if group.source.is_table else _of_a_clip(group, folder)
+    measured = _of_a_table(group, folder) if group.source.is_table else _of_a_clip(group, folder, corrected)
     write_document(_document(group, measured, origin), folder / DOCUMENT, overwrite=True)
 
 
-def _of_a_clip(group: Group, folder: Path) -> Measured:
-    request = group.request
-    result = run(
-        group.source.path,
-        request.phenomenon,
+def _of_a_clip(group: Group, folder: Path, corrected: Sequence[Track]) -> Measured:
+    request, path = group.request, group.source.path
+    if corrected:
+        chain = partial(run_tracked, open_clip(path, request.clip), corrected, request.phenomenon, source=path)
+    else:
+        chain = partial(run, path, request.phenomenon, options=request.track)
+    result = chain(
         calibration=request.calibration,
         settings=request.settings,
         free=request.free,
-        options=request.track,
         clip=request.clip,
         geometry=request.geometry,
     )

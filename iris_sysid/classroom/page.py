@@ -18,7 +18,7 @@ from iris_sysid.report.text import as_sentence, interval_text, shown_unit, with_
 from iris_sysid.report.typeset import typeset
 from iris_sysid.types import SPOKEN, Estimate, Population
 
-NO_REVIEWS: Mapping[str, str] = MappingProxyType({})
+NOTHING: Mapping[str, str] = MappingProxyType({})
 FAR = 100.0  # standard errors, beyond which decimals say nothing
 CAPTION = (
     "The value of each group with its 95 % interval. Orange squares are groups to look at; an open square is left out "
@@ -31,7 +31,7 @@ def write_page(
     title: str,
     path: str | Path,
     *,
-    reviews: Mapping[str, str] = NO_REVIEWS,
+    reviews: Mapping[str, str] = NOTHING,
     overwrite: bool = False,
 ) -> Path:
     """Write the page of a class as one HTML file that needs no other.
@@ -62,8 +62,23 @@ def write_page(
     return write_atomic(path, page_text(result, title, reviews), overwrite=overwrite)
 
 
-def page_text(result: ClassResult, title: str, reviews: Mapping[str, str] = NO_REVIEWS) -> str:
-    """The page as HTML; every text in it is escaped."""
+def page_text(
+    result: ClassResult,
+    title: str,
+    reviews: Mapping[str, str] = NOTHING,
+    served: Mapping[str, str] | None = None,
+) -> str:
+    """The page as HTML; every text in it is escaped.
+
+    Parameters
+    ----------
+    result, title, reviews
+        As of :func:`write_page`.
+    served
+        By name of a group, the address of its review, where the page is served; links then lead there and nowhere else.
+    """
+    every = [*result.groups, *([] if result.teacher is None else [result.teacher])]
+    pages = {group.name: _page_of(group) for group in every} if served is None else served
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("iris_sysid.classroom", "templates"),
         autoescape=True,
@@ -76,23 +91,25 @@ def page_text(result: ClassResult, title: str, reviews: Mapping[str, str] = NO_R
         title=title,
         headline=typeset(as_sentence(result.sentence)),
         comparisons=[typeset(as_sentence(item.text)) for item in result.comparisons],
-        named=[_named(group, reviews.get(group.name, "")) for group in result.named],
+        named=[_named(group, pages, reviews) for group in result.named],
+        served=served is not None,
         picture=svg_of(class_figure(result)),
         caption=CAPTION,
         columns=_columns(result, others),
-        rows=[_row(group, others) for group in result.groups],
-        teacher=None if result.teacher is None else _row(result.teacher, others),
+        rows=[_row(group, others, pages) for group in result.groups],
+        teacher=None if result.teacher is None else _row(result.teacher, others, pages),
         means=_means(result),
         value=shown_name(result.value),
         model=as_sentence(result.model.summary),
     )
 
 
-def _named(group: GroupResult, review: str) -> dict[str, str]:
-    return {"name": group.name, "cause": typeset(group.cause), "page": _link(group), "review": review}
+def _named(group: GroupResult, pages: Mapping[str, str], reviews: Mapping[str, str]) -> dict[str, str]:
+    page, review = pages.get(group.name, ""), reviews.get(group.name, "")
+    return {"name": group.name, "cause": typeset(group.cause), "page": page, "review": review}
 
 
-def _link(group: GroupResult) -> str:
+def _page_of(group: GroupResult) -> str:
     """The address of a group's page beside this one; empty for a group without a page."""
     return quote(group.page) if group.document.usable else ""
 
@@ -110,12 +127,12 @@ def _columns(result: ClassResult, others: Sequence[str]) -> list[dict[str, Any]]
     ]
 
 
-def _row(group: GroupResult, others: Sequence[str]) -> dict[str, Any]:
+def _row(group: GroupResult, others: Sequence[str], pages: Mapping[str, str]) -> dict[str, Any]:
     verdict = group.document.verdict
     word = "" if verdict is None else SPOKEN[verdict.word]
     distance = typeset(f"{group.in_errors:+.{0 if abs(group.in_errors) > FAR else 1}f}")
     cells = [
-        {"text": group.name, "key": group.name, "link": _link(group)},
+        {"text": group.name, "key": group.name, "link": pages.get(group.name, "")},
         _number(group.value),
         {"text": distance if math.isfinite(group.in_errors) else "", "key": _key(group.in_errors), "link": ""},
         {"text": typeset(group.cause), "key": group.cause or "~", "link": ""},

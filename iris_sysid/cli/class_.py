@@ -26,6 +26,7 @@ from iris_sysid.cli.arguments import (
 )
 
 if TYPE_CHECKING:
+    from iris_sysid.classroom.groups import Source
     from iris_sysid.classroom.summary import ClassResult
 
 PAGE, WORKBOOK = "class.html", "class.xlsx"
@@ -52,6 +53,9 @@ def class_(
     columns: Columns = None,
     workers: WorkerCount = None,
     scheduler: Scheduler = None,
+    serve: Annotated[
+        bool, typer.Option("--serve", help="Then open the page in the browser, each clip with its review.")
+    ] = False,
     force: Force = False,
     json: Json = False,
 ) -> None:
@@ -109,7 +113,40 @@ def class_(
     write_workbook(result, output / WORKBOOK, overwrite=True)
     _show(result, json)
     typer.echo(f"{len(groups)} groups, {now} measured now; page: {page}", err=True)
-    _suggest_review([group.name for group in result.named if group.document.usable], reviews, json)
+    if serve:
+        _serve(result, title, {group.name: group.source for group in groups if group.name in reviews}, output)
+    else:
+        _suggest_review([group.name for group in result.named if group.document.usable], reviews, json)
+
+
+def _serve(result: ClassResult, title: str, clips: Mapping[str, Source], output: Path) -> None:
+    """Serve the page of a class until it is interrupted; the groups that have a track open in a review."""
+    import webbrowser
+    from functools import partial
+    from urllib.parse import quote
+
+    from iris_sysid.classroom.measure import GROUPS
+    from iris_sysid.classroom.page import page_text
+    from iris_sysid.review.class_app import ClassReviews, class_app
+    from iris_sysid.review.opening import is_result, open_result
+    from iris_sysid.review.server import serve
+
+    places = {name: output / GROUPS / clip.folder for name, clip in clips.items()}
+    places = {name: place for name, place in places.items() if is_result(place)}
+    reviews = ClassReviews(
+        {clips[name].folder: partial(open_result, place, clips[name].path) for name, place in places.items()}
+    )
+
+    def page(token: str) -> str:
+        links = {name: f"review/{quote(clips[name].folder)}/?token={quote(token)}" for name in places}
+        return page_text(result, title, served=links)
+
+    def ready(address: str) -> None:
+        typer.echo(f"class: {address}", err=True)
+        typer.echo("Ctrl-C ends it; run the command again to compare what was saved", err=True)
+        webbrowser.open(address)
+
+    serve(partial(class_app, page, reviews), 0, ready, reviews.close)
 
 
 def _suggest_review(named: Sequence[str], reviews: Mapping[str, str], json: bool) -> None:

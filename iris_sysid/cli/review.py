@@ -48,8 +48,10 @@ def review(
       iris-sysid review out/
     """
     import webbrowser
+    from functools import partial
 
     from iris_sysid.cli import _parsing
+    from iris_sysid.review.app import review_app
     from iris_sysid.review.opening import is_result, open_clip, open_result
     from iris_sysid.review.server import serve
 
@@ -78,7 +80,7 @@ def review(
         if not no_browser:
             webbrowser.open(address)
 
-    serve(session, port, ready)
+    serve(partial(review_app, session), port, ready, session.close)
     if session.saved_version != session.version:
         typer.echo("not saved: the edits are in the log; open the review again and save", err=True)
         _terminal.suggest("review", folder)

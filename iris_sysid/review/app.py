@@ -14,7 +14,7 @@ from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, JSONResponse, Response
-from starlette.routing import Route
+from starlette.routing import BaseRoute, Route
 from starlette.types import ASGIApp
 
 from iris_sysid.errors import DataError, IrisError
@@ -41,17 +41,22 @@ def review_app(session: Session, token: str, hosts: Iterable[str]) -> ASGIApp:
     hosts
         ``address:port`` under which the server may be reached.
     """
-    pages = _Pages(session)
+    return Guard(page_app(session, token), token=token, hosts=hosts)
+
+
+def page_app(session: Session, token: str) -> ASGIApp:
+    """The application for one ``session`` with its page, which knows the ``token``, behind a guard of the caller's."""
     page = [Route("/", partial(_page, session.clip.name, token)), Route("/static/{name}", _static)]
-    return Guard(_application([*page, *_routes(pages)]), token=token, hosts=hosts)
+    return application([*page, *_routes(_Pages(session))])
 
 
 def session_app(session: Session) -> ASGIApp:
     """The application for one ``session`` without page and guard, for callers in this process."""
-    return _application(_routes(_Pages(session)))
+    return application(_routes(_Pages(session)))
 
 
-def _application(routes: Sequence[Route]) -> Starlette:
+def application(routes: Sequence[BaseRoute]) -> Starlette:
+    """The application of some ``routes``, whose errors are answered as JSON."""
     failures: Mapping[Any, Callable[[Request, Exception], Response]] = {
         IrisError: _failed,
         HTTPException: _refused,

@@ -58,7 +58,7 @@ class Guard:
             if event["type"] == "http.response.start":
                 headers = MutableHeaders(scope=event)
                 for name, value in HEADERS.items():
-                    headers[name] = value
+                    headers.setdefault(name, value)
             await send(event)
 
         refusal = self.refusal(scope)

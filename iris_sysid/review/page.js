@@ -1,7 +1,7 @@
 // The page of a review: its module, with fetch as the way to the server that knows the token.
 
 const token = document.querySelector('meta[name="token"]').content;
-const { open } = await import(`/static/review.js?token=${encodeURIComponent(token)}`);
+const { open } = await import(`./review.js?token=${encodeURIComponent(token)}`);
 
 async function server(path, content) {
   const options = { headers: { "x-review-token": token } };
@@ -12,7 +12,7 @@ async function server(path, content) {
   }
   let answer;
   try {
-    answer = await fetch(path, options);
+    answer = await fetch(`.${path}`, options);
   } catch {
     throw new Error("The server has ended. Every edit is in the log: start the review again.");
   }

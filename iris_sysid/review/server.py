@@ -7,10 +7,9 @@ import socket
 from collections.abc import Callable
 
 import uvicorn
+from starlette.types import ASGIApp
 
 from iris_sysid.errors import OutputError
-from iris_sysid.review.app import review_app
-from iris_sysid.review.session import Session
 
 ADDRESS = "127.0.0.1"
 # on Windows SO_REUSEADDR lets any process take over a port that is in use
@@ -18,17 +17,22 @@ ALONE: int = getattr(socket, "SO_EXCLUSIVEADDRUSE", socket.SO_REUSEADDR)
 LEAVE_AFTER_S = 2  # that requests under way are waited for at the end
 
 
-def serve(session: Session, port: int, ready: Callable[[str], None]) -> None:
-    """Serve a session; returns when the process is interrupted.
+def serve(
+    app: Callable[[str, list[str]], ASGIApp], port: int, ready: Callable[[str], None], close: Callable[[], None]
+) -> None:
+    """Serve an application; returns when the process is interrupted.
 
     Parameters
     ----------
-    session
-        What is reviewed.
+    app
+        Makes it of the token and the hosts that it answers to.
     port
         Number of the port; 0 takes a free one.
     ready
         Called with the address to open, token included, once the server listens.
+
+    close
+        Called at the end.
 
     Raises
     ------
@@ -40,7 +44,7 @@ def serve(session: Session, port: int, ready: Callable[[str], None]) -> None:
     token = secrets.token_urlsafe(24)
     hosts = [f"{name}:{number}" for name in (ADDRESS, "localhost")]
     config = uvicorn.Config(
-        review_app(session, token, hosts),
+        app(token, hosts),
         log_level="error",
         access_log=False,
         lifespan="off",
@@ -54,7 +58,7 @@ def serve(session: Session, port: int, ready: Callable[[str], None]) -> None:
         pass  # the end that is meant
     finally:
         listening.close()
-        session.close()
+        close()
 
 
 def listen(port: int) -> socket.socket:

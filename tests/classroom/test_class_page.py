@@ -84,6 +84,15 @@ def test_page_says_how_the_track_of_a_group_to_look_at_is_corrected():
     assert "iris-sysid review one" not in text  # nothing is wrong with it
 
 
+def test_page_that_is_served_links_to_reviews_and_to_nothing_else():
+    address = "review/g6/?token=a&b"
+    text = page_text(odd_class(), "class", {"g6": "iris-sysid review g6"}, served={"g6": address})
+    addresses = [attributes["href"] for _, attributes in Tags(text).found if "href" in attributes]
+    assert set(addresses) == {address}
+    assert "Correct its track by hand</a>" in text
+    assert "<code>" not in text
+
+
 def test_table_of_the_page_is_whole_without_its_script():
     rows = re.findall(r"<tr[^>]*><td class=\"text\" data-key", page_text(odd_class(), "class"))
     assert len(rows) == len(ODD)
