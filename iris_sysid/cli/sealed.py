@@ -169,8 +169,10 @@ def _model_of(document: FitDocument, effects: tuple[str, ...], test: Trajectory)
 
 
 def _show_log(record: Path, json: bool) -> None:
+    from iris_sysid.io.files import read_file
     from iris_sysid.io.sealed_record import counted, log_of, looks_in
 
+    read_file(record)  # refuses a record that is not there: it would have no looks
     looks = looks_in(log_of(record))
     rows = [
         {"look": look.look, "utc": look.utc, "model": look.model[:12], "name": look.name, "record": look.record[:12]}

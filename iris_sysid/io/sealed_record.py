@@ -32,7 +32,7 @@ FIELDS = {"look": int, "utc": str, "record": str, "model": str, "name": str, "pr
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
+class LoggedLook:
     """One look at a record: its number, the time, the SHA-256 of record and frozen model, and the model's ``name``.
 
     ``previous`` is the SHA-256 of all lines before this one.
@@ -74,7 +74,7 @@ def seal(record: Trajectory, path: str | Path, *, overwrite: bool = False) -> Pa
     return write_atomic(path, gzip.compress(table.encode(), mtime=0), overwrite=overwrite)
 
 
-def open_sealed(path: str | Path, model: str, name: str) -> tuple[Trajectory, tuple[Look, ...]]:
+def open_sealed(path: str | Path, model: str, name: str) -> tuple[Trajectory, tuple[LoggedLook, ...]]:
     """Log a look at a sealed record, and open it.
 
     Parameters
@@ -116,7 +116,7 @@ def model_hash(equation: str, values: Mapping[str, float], how: Sequence[str] = 
     return hashlib.sha256(json_text(content).encode()).hexdigest()
 
 
-def looks_in(log: str | Path) -> tuple[Look, ...]:
+def looks_in(log: str | Path) -> tuple[LoggedLook, ...]:
     """The looks that a log holds; none where there is no log.
 
     Raises
@@ -126,7 +126,7 @@ def looks_in(log: str | Path) -> tuple[Look, ...]:
     """
     if not Path(log).exists():
         return ()
-    looks: list[Look] = []
+    looks: list[LoggedLook] = []
     before = b""
     for line in read_file(log).splitlines(keepends=True):
         look = _look_of(line, f"{log}, line {len(looks) + 1}")
@@ -137,7 +137,7 @@ def looks_in(log: str | Path) -> tuple[Look, ...]:
     return tuple(looks)
 
 
-def log_look(log: str | Path, record: str, model: str, name: str) -> tuple[Look, ...]:
+def log_look(log: str | Path, record: str, model: str, name: str) -> tuple[LoggedLook, ...]:
     """Append a look to a log, whole or not at all, and return all looks with it the last.
 
     Parameters
@@ -161,12 +161,12 @@ def log_look(log: str | Path, record: str, model: str, name: str) -> tuple[Look,
         looks = looks_in(path)
         before = read_file(path) if looks else b""
         now = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
-        look = Look(len(looks) + 1, now, record, model, name, hashlib.sha256(before).hexdigest())
+        look = LoggedLook(len(looks) + 1, now, record, model, name, hashlib.sha256(before).hexdigest())
         write_atomic(path, before + f"{json.dumps(asdict(look))}\n".encode(), overwrite=True)
     return (*looks, look)
 
 
-def counted(looks: Sequence[Look]) -> str:
+def counted(looks: Sequence[LoggedLook]) -> str:
     """How many looks there were, and by how many models: ``3 looks by 2 models``."""
     models = len({look.model for look in looks})
     several = f" by {models} model{'s' * (models > 1)}" if looks else ""
@@ -189,11 +189,11 @@ def _only_writer(log: Path) -> Iterator[None]:
         lock.unlink()
 
 
-def _look_of(line: bytes, where: str) -> Look:
+def _look_of(line: bytes, where: str) -> LoggedLook:
     with suppress(ValueError, AttributeError, RecursionError):
         content = json.loads(line)
         if {key: type(value) for key, value in content.items()} == FIELDS:
-            return Look(**content)
+            return LoggedLook(**content)
     raise DataError(f"{where}: this is not a look as iris-sysid logs it; restore the log")
 
 

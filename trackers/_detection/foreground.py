@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from trackers._background.median import BackgroundEstimate
-from trackers._detection.blob_cuts import THINNEST, Part, cut_at, peak_of
+from trackers._detection.blob_cuts import THINNEST, BlobPart, cut_at, peak_of
 from trackers._detection.masks import SQUARE, depth_of
 from trackers._detection.strong_windows import are_most, grown, merged, windows_of
 from trackers._frames.arrays import Box, Bytes, Flags, Image
@@ -276,7 +276,7 @@ def _blobs_at(component: Component, faintest: float, shape: tuple[int, ...]) -> 
     return [_blob(component, shape, cut.depth, part) for part in cut.parts], cut.clearness
 
 
-def _blob(component: Component, shape: tuple[int, ...], depth: Image, part: Part) -> Blob:
+def _blob(component: Component, shape: tuple[int, ...], depth: Image, part: BlobPart) -> Blob:
     """One part of a component of an image of that shape, and of that depth (h, w), px."""
     x, y = component.left + part.left, component.top + part.top
     edge = held = _at_edge((x, y, x + part.mask.shape[1], y + part.mask.shape[0]), shape)
