@@ -20,7 +20,7 @@ from iris_sysid.types import RADIUS_ERRORS, FrameSource, Track, Tracker, TrackOp
 from trackers._auto.scene import SampledScene
 from trackers._auto.verdict import judged
 from trackers._background.median import Background
-from trackers._detection.detect_frames import DetectionSetup, detection_setup, observe
+from trackers._detection.detect_frames import SAMPLES, DetectionSetup, detection_setup, observe
 from trackers._detection.detection import FrameDetections
 from trackers._disc.background import background_without_discs
 from trackers._disc.circle_detection import path_of_circles
@@ -28,6 +28,7 @@ from trackers._disc.expected_position import ExpectedPath, expected_path_of
 from trackers._disc.fit import SeenDisc
 from trackers._disc.impact_frames import struck_within
 from trackers._disc.learn_appearance import DiscAppearance, DiscFitter, with_learned_appearance
+from trackers._disc.receding_disc import receding_disc
 from trackers._frames.ahead import ahead
 from trackers._frames.working_image import view_of
 from trackers._linking.frame_to_frame import Tracklet
@@ -88,6 +89,8 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
         return [meant and detection.radius < HUGE * diagonal for meant, detection in chosen]
 
     all_detections = observe(video, rough, _first_half(options), among)
+    if not all_detections:
+        raise TrackingError("the clip gave no frames; is the part between --start and --stop empty?")
     all_detections, tracklets, refusal = _linked(video, setup, all_detections, options)
     fitter, tracklets = _best_fitter(video, rough, (all_detections, tracklets, refusal), options)
     fits: list[dict[int, SeenDisc]] = [{} for _ in fitter.expected_paths]
@@ -256,7 +259,7 @@ def _row(fitted: SeenDisc) -> tuple[float, ...]:
 
 def _suits(video: FrameSource, options: TrackOptions, moving: bool) -> bool:
     """Whether a body may only change its size, which a still background hardly shows."""
-    return not moving
+    return not moving or (options.bodies == 1 and bool(receding_disc(video.sample(SAMPLES), view_of(video, options))))
 
 
 TRACKER = Tracker(

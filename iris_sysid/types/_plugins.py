@@ -30,7 +30,7 @@ class Tracker:
     """A tracking algorithm: frames in, one Track a body out. One file in ``trackers`` holds one.
 
     ``suits(video, options, moving)`` says whether ``auto`` is to try it on a clip; None: never. ``moving`` says whether
-    anything moves before a still background, and no single disc only changes its size.
+    anything moves before a still background.
     """
 
     name: str

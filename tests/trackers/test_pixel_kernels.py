@@ -1,4 +1,4 @@
-"""Masks, parts and looks of small windows: those of SciPy and NumPy, and the same as a search of the whole image."""
+"""Kernels on small windows: exact, and the same as a search of the whole image."""
 
 import cv2
 import numpy as np
@@ -8,13 +8,13 @@ from scipy.ndimage import distance_transform_edt
 
 from iris_sysid.types import Frame
 from trackers._background.median import BackgroundEstimate
-from trackers._detection.blob_cuts import BLOB_SHARE, THINNEST, cut_at, peak_of
-from trackers._detection.body_window import Window, looks_of, moments_of_difference
+from trackers._detection.blob_kernels import BLOB_SHARE, INSCRIBED, THINNEST, cut_at, peak_of
 from trackers._detection.coded_planes import plane_limits_of
-from trackers._detection.coverage import blurred
-from trackers._detection.detection import pasted
-from trackers._detection.foreground import SMALLEST_SUPPORT, Blob, background_range_of, components
-from trackers._detection.masks import SQUARE, depth_of, filled, quantile
+from trackers._detection.connected import connected_parts, filled_round
+from trackers._detection.depth import depth_of
+from trackers._detection.foreground import SMALLEST_SUPPORT, SQUARE, background_range_of, components
+from trackers._detection.small_images import blurred, chamfer, dilated, gaussian, opened, quantile, shrunk, stretched
+from trackers._detection.window_kernels import looks_of, moments_of_difference, paste
 from trackers._frames.working_image import View
 
 
@@ -25,25 +25,52 @@ def blotches(seed, shape):
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_depth_is_exact_or_right_to_two_percent(seed):
+def test_depth_is_exact(seed):
     mask = blotches(seed, (seed + 1, 40))
-    known = distance_transform_edt(np.pad(mask, 1))[1:-1, 1:-1]
-    assert depth_of(mask, exact=True) == pytest.approx(known, rel=1e-6)
-    assert depth_of(mask) == pytest.approx(known, rel=0.02)
+    assert np.array_equal(depth_of(mask), distance_transform_edt(np.pad(mask, 1))[1:-1, 1:-1].astype(np.float32))
     mask[0, 0] = 0
-    assert depth_of(mask, outside=False, exact=True) == pytest.approx(distance_transform_edt(mask), rel=1e-6)
+    assert np.array_equal(depth_of(mask, outside=False), distance_transform_edt(mask).astype(np.float32))
 
 
 def test_depth_of_a_full_mask_is_that_to_its_sides():
-    assert depth_of(np.ones((5, 9), np.uint8), exact=True).max() == 3
+    assert depth_of(np.ones((5, 9), np.uint8)).max() == 3
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (2, 9), (41, 30), (83, 80)])
+def test_masks_grow_and_their_depths_are_those_of_opencv(shape):
+    for seed in range(5):
+        mask = blotches(seed, shape)
+        for by in (1, 2, 4):
+            assert np.array_equal(dilated(mask, by), cv2.dilate(mask, np.ones((2 * by + 1, 2 * by + 1), np.uint8)))
+        assert np.array_equal(opened(mask), cv2.morphologyEx(mask, cv2.MORPH_OPEN, SQUARE))
+        known = cv2.distanceTransform(np.pad(mask, 1), cv2.DIST_L2, cv2.DIST_MASK_5)[1:-1, 1:-1]
+        assert chamfer(mask, True) == pytest.approx(known, abs=1e-4)
+        mask[0, 0] = 0
+        known = cv2.distanceTransform(mask, cv2.DIST_L2, cv2.DIST_MASK_5)
+        assert chamfer(mask, False) == pytest.approx(known, abs=1e-4)
+
+
+@pytest.mark.parametrize("channels", [1, 2, 4])
+@pytest.mark.parametrize("shape", [(3, 7), (40, 61)])
+def test_images_are_blurred_and_resized_as_by_opencv(shape, channels):
+    image = np.random.default_rng(channels).normal(100, 30, (*shape, channels)).astype(np.float32)
+    for across, down in [(1.5, 1.5), (2.7, 4.0), (0.4, 1.0)]:
+        known = cv2.GaussianBlur(image, (0, 0), across, sigmaY=down).reshape(image.shape)
+        assert gaussian(image, across, down) == pytest.approx(known, abs=1e-3)
+    for factor in (2, 3):
+        rows, columns = (-(-size // factor) for size in shape)
+        small = cv2.resize(image, (columns, rows), interpolation=cv2.INTER_AREA).reshape(rows, columns, channels)
+        assert shrunk(image, rows, columns) == pytest.approx(small, abs=1e-3)
+        large = cv2.resize(small, shape[::-1], interpolation=cv2.INTER_LINEAR).reshape(image.shape)
+        assert stretched(np.ascontiguousarray(small), *shape) == pytest.approx(large, abs=1e-3)
 
 
 def test_a_wide_blur_at_a_reduced_size_is_that_of_the_whole_image_of_something_wide():
     rows, columns = np.indices((90, 80))
-    hill = np.exp(-((rows - 40) ** 2 + (columns - 45) ** 2) / (2 * 7.0**2)).astype(np.float32)
+    hill = np.exp(-((rows - 40) ** 2 + (columns - 45) ** 2) / (2 * 7.0**2))[..., np.newaxis].astype(np.float32)
     for sigma in (2.0, 7.0, 10.0):
         known = cv2.GaussianBlur(hill, (0, 0), sigma)
-        assert blurred(hill, sigma) == pytest.approx(known, abs=0.01)
+        assert blurred(hill, sigma)[..., 0] == pytest.approx(known, abs=0.01)
 
 
 @pytest.mark.parametrize("count", [1, 2, 9, 100])
@@ -53,14 +80,28 @@ def test_quantile_is_that_of_numpy(count):
         assert quantile(values, share) == pytest.approx(np.quantile(values, share), rel=1e-5, abs=1e-6)
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_connected_parts_are_those_of_opencv_that_hold_seeds(seed):
+    mask = blotches(seed, (60, 80))
+    seeds = mask & (np.random.default_rng(seed).random(mask.shape) < 0.005).astype(np.uint8)
+    labels, boxes = connected_parts(mask, seeds)
+    count, known, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
+    support = np.bincount(known[seeds > 0], minlength=count)
+    assert len(boxes) == np.count_nonzero(support) > 0
+    for number, (left, top, right, bottom, seen) in enumerate(boxes, start=1):
+        same = known[labels == number]
+        assert np.array_equal(labels == number, known == same[0])
+        assert [left, top, right - left, bottom - top] == stats[same[0]][:4].tolist()
+        assert seen == support[same[0]]
+
+
 @pytest.mark.parametrize("seed", range(10))
 def test_parts_that_overlap_a_seed_are_filled_as_by_scipy(seed):
     mask = blotches(seed, (60, 81 - 4 * seed))
     some = mask & (np.random.default_rng(seed).random(mask.shape) < 0.02).astype(np.uint8)
-    parts, _ = ndimage.label(mask, np.ones((3, 3)))
+    parts, _ = ndimage.label(mask)
     known = ndimage.binary_fill_holes(np.isin(parts, np.unique(parts[some > 0])) & (mask > 0))
-    assert np.array_equal(filled(mask, some), known)
-    assert np.array_equal(filled(mask), ndimage.binary_fill_holes(mask))
+    assert np.array_equal(filled_round(mask, some), known)
     assert known.any()
 
 
@@ -157,23 +198,20 @@ def test_blobs_are_cut_where_they_are_thin_as_by_scipy(seed):
     mask = cv2.dilate(blotches(seed, (50, 70)), SQUARE)
     level = cv2.blur(rng.integers(0, 255, mask.shape).astype(np.uint8), (5, 5))
     faintest = float(np.percentile(level, 10))
-    cut = cut_at(mask, level, faintest, 6)
+    owner, _, table, clearness = cut_at(mask, level, faintest, 6)
     known = parts_by_scipy(mask, level, faintest, 6)
-    assert len(cut.parts) == len(known) > 0
-    slopes = np.hypot(*(cv2.Sobel(level, cv2.CV_64F, *along, scale=1 / 8) for along in ((1, 0), (0, 1))))
-    rims, area = [], 0
-    for part in cut.parts:
-        whole = np.zeros(mask.shape, np.bool_)
-        height, width = part.mask.shape
-        whole[part.top : part.top + height, part.left : part.left + width] = part.mask > 0
-        assert whole[part.seed[1], part.seed[0]]
-        likest, inscribed = next(one for one in known if one[0][part.seed[1], part.seed[0]])
-        assert np.array_equal(likest, whole)
-        assert part.inscribed == pytest.approx(inscribed, rel=1e-6)
-        rims.append(slopes[whole & (cv2.erode(np.pad(whole.astype(np.uint8), 1), SQUARE)[1:-1, 1:-1] == 0)])
-        area += np.count_nonzero(whole)
-    compactness = sum(part.inscribed**2 for part in cut.parts) / area
-    assert cut.clearness == pytest.approx(compactness * np.concatenate(rims).mean(), rel=1e-5)
+    assert len(table) == len(known) > 0
+    rims, slopes = [], np.hypot(*(cv2.Sobel(level, cv2.CV_64F, *along, scale=1 / 8) for along in ((1, 0), (0, 1))))
+    for number, row in enumerate(table, start=1):
+        y, x = np.argwhere(owner == number)[0]
+        (part, inscribed) = next(known_part for known_part in known if known_part[0][y, x])
+        assert np.array_equal(owner == number, part)
+        assert row[INSCRIBED] == inscribed
+        left, top, width, height = cv2.boundingRect(part.astype(np.uint8))
+        assert row[:4].tolist() == [left, top, left + width, top + height]
+        rims.append(slopes[part & (cv2.erode(np.pad(part.astype(np.uint8), 1), SQUARE)[1:-1, 1:-1] == 0)])
+    compactness = (table[:, INSCRIBED] ** 2).sum() / np.count_nonzero(owner)
+    assert clearness == pytest.approx(compactness * np.concatenate(rims).mean())
     assert peak_of(mask, level) == cv2.blur(level, (3, 3))[mask > 0].max()
 
 
@@ -187,8 +225,7 @@ def test_looks_and_moments_of_a_body_are_those_of_numpy_and_opencv(channels):
     other = np.zeros_like(mask)
     other[10:30, 30:] = 1
     difference = np.abs(planes[0] - planes[1]).max(axis=-1)
-    window = Window(*planes, mask, other)
-    brightening, sharpness = looks_of(window)
+    brightening, sharpness = looks_of(tuple(planes), mask)
     slopes = np.hypot(*(cv2.Sobel(difference, cv2.CV_32F, *along, scale=1 / 8) for along in ((1, 0), (0, 1))))
     assert sharpness == pytest.approx(np.percentile(slopes[cv2.dilate(mask, SQUARE) > 0], 90), rel=1e-5)
     assert brightening == pytest.approx((planes[0] - planes[1])[..., 0][mask > 0].mean(), rel=1e-5)
@@ -197,7 +234,7 @@ def test_looks_and_moments_of_a_body_are_those_of_numpy_and_opencv(channels):
     places, weight = np.argwhere(near).T[::-1], np.minimum(level[near] / np.median(level[mask > 0]), 1.0)
     (xx, xy), (_, yy) = np.cov(places, aweights=weight)
     known = [*np.average(places, axis=1, weights=weight), xx, yy, xy]
-    assert moments_of_difference(window, 3) == pytest.approx(known, rel=1e-4)
+    assert moments_of_difference(tuple(planes), mask, other, 3) == pytest.approx(known, rel=1e-4)
 
 
 @pytest.mark.parametrize("corner", [(0, 0), (13, 8), (29, 22)])
@@ -205,8 +242,7 @@ def test_a_mask_of_larger_pixels_is_pasted_where_it_covers_a_window(corner):
     mask, finer = blotches(3, (9, 11)), 3
     whole = np.zeros((60, 70), np.uint8)
     whole[5 * finer : 14 * finer, 4 * finer : 15 * finer] = np.kron(mask, np.ones((finer, finer), np.uint8))
-    blob = Blob(mask, 4, 5, 3.0, False, False)
-    x, y = corner
-    into = pasted([blob], (y, y + 25, x, x + 30), finer)
-    assert np.array_equal(into, whole[y:, x:][:25, :30])
+    into = np.zeros((25, 30), np.uint8)
+    paste(into, *corner, mask, 4, 5, finer)
+    assert np.array_equal(into, whole[corner[1] :, corner[0] :][:25, :30])
     assert into.any()

@@ -145,7 +145,7 @@ def _ways(choice: Choice) -> Iterator[Way]:
         return
     if options.bodies == 1:
         yield from [Way(f"{FIRST}-{k}", choice.next_best, ("beside",)) for k in range(2, 2 + NEXT)]
-    moving = bool(choice.candidates[0].tracks) and not (options.bodies == 1 and scene.receding)
+    moving = bool(choice.candidates[0].tracks)
     for tracker in TRACKERS.values():
         if tracker.suits is not None and tracker.suits(video, options, moving):
             yield Way(tracker.name, partial(tracker.track, video, options))

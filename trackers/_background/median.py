@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers._background.inlier_moments import inlier_moments, narrow
 from trackers._frames.arrays import MAD_TO_SD, QUANTISATION_SD, Box, Bytes, Flags, Image
 
 DENSEST = 0.5  # of the samples: where a body comes by more often, it is taken for background
@@ -89,25 +90,12 @@ def estimate_again(stack: Bytes, known: BackgroundEstimate, before: Flags | None
 
 
 def _near(centre: Image, cut: Image, stack: Bytes, usable: Flags | None) -> tuple[Image, Image]:
-    """Mean and variance of the samples within ``cut`` of the centre; the centre and 0 where there are none."""
-    flat = (stack.shape[1], -1)
-    low, high = np.ceil(centre - cut), np.floor(centre + cut)
-    lowest, highest = (np.clip(limit, 0, 255).astype(np.uint8).reshape(flat) for limit in (low, high))
-    count, total, squares = np.zeros((3, *lowest.shape), dtype=np.float32)
-    one = np.ones_like(lowest)
-    for k, sample in enumerate(stack.reshape(len(stack), *flat)):
-        inlier = cv2.inRange(sample, lowest, highest)
-        if usable is not None:
-            inlier &= np.repeat(usable[k].view(np.uint8), stack.shape[3] if stack.ndim == 4 else 1, axis=1) * np.uint8(
-                255
-            )
-        cv2.accumulate(one, count, inlier)
-        cv2.accumulate(sample, total, inlier)
-        cv2.accumulateSquare(sample, squares, inlier)  # whole numbers, exact in 32 bits for 258 samples
-    seen = np.maximum(count, 1)
-    mean = np.where(count > 0, total / seen, centre.reshape(lowest.shape))
-    variance = (squares - total * (total / seen).astype(np.float64)) / np.maximum(seen - 1, 1)
-    return mean.reshape(centre.shape), variance.astype(np.float32).reshape(centre.shape)
+    """Mean and variance of the samples within ``cut`` of the centre."""
+    rows, channels = (len(stack), stack.shape[1], -1), 1 if stack.ndim == 3 else stack.shape[3]
+    samples, about, farthest = stack.reshape(rows), centre.reshape(rows[1:]), cut.reshape(rows[1:])
+    every = np.ones((1, 1, 1), dtype=np.bool_) if usable is None else usable
+    mean, variance = inlier_moments(samples, about, farthest, every, channels)
+    return mean.reshape(centre.shape), variance.reshape(centre.shape)
 
 
 def _densest(stack: Bytes) -> tuple[Image, Image]:
@@ -115,15 +103,10 @@ def _densest(stack: Bytes) -> tuple[Image, Image]:
     ordered = _sorted(list(stack))
     held = max(2, round(DENSEST * len(ordered)))
     narrowest = np.full(stack.shape[1:], 255, dtype=np.uint8)
-    lowest, highest = ordered[len(ordered) // 2].copy(), ordered[len(ordered) // 2].copy()
+    centre = ordered[len(ordered) // 2].astype(np.float32)
     for low, high in zip(ordered, ordered[held - 1 :], strict=False):
-        width = cv2.subtract(high, low)
-        narrower = (width < narrowest).view(np.uint8)
-        for source, target in ((width, narrowest), (low, lowest), (high, highest)):
-            cv2.copyTo(source, narrower, target)
-    centre = cv2.addWeighted(lowest, 0.5, highest, 0.5, 0.0, dtype=cv2.CV_32F)
-    # to sigma, by trial with normal noise
-    return np.asarray(centre, dtype=np.float32), narrowest * np.float32(0.74 + 13 / len(ordered))
+        narrow(low.ravel(), high.ravel(), narrowest.ravel(), centre.ravel())
+    return centre, narrowest * np.float32(0.74 + 13 / len(ordered))  # to sigma, by trial with normal noise
 
 
 def _settle(centre: Image, sigma: Image, stack: Bytes, usable: Flags) -> None:

@@ -1,20 +1,26 @@
-"""Coverage of the pixels of a window by the body in it, and the centroid that it gives.
+"""Coverage of the pixels of a window by the body in it, and what its outline shows (numba: one call a body)."""
 
-Planes are (h, w, channels), grey levels; the windows are small.
-"""
-
+# mypy: disallow-untyped-decorators=False
 from __future__ import annotations
 
-from functools import reduce
-
-import cv2
 import numpy as np
 
-from trackers._detection.coverage_kernels import Planes, beyond_shade, own_brightness, shares
-from trackers._detection.masks import depth_of, dilated, quantile
+from iris_sysid.io.kernels import kernel
+from trackers._detection.coverage_kernels import (
+    Planes,
+    beyond_shade,
+    levelled,
+    liveliness,
+    off_background,
+    own_brightness,
+    shares,
+    texture_variance,
+)
+from trackers._detection.depth import exact_depth
 from trackers._detection.outline import outline
 from trackers._detection.shading import shading
-from trackers._frames.arrays import MAD_TO_SD, Bytes, Image
+from trackers._detection.small_images import blurred, dilated
+from trackers._frames.arrays import Bytes, Flags, Image
 
 SHARP, REFINED = 1.5, 2  # px: half the width of an outline from which on it is found again, and how often
 CLEAR = 1.5  # of half the width of a streak's outline: so far inside of it is the body alone
@@ -27,9 +33,9 @@ OUTLINE_DEPTH = 4.0  # px within which the body's brightness must fit that of it
 FEWEST_OUTSIDE = 12  # px from which the noise outside of a body is judged
 AXES = 4  # directions in which an outline may be wide
 NEAR = 2  # px about a mask, right to two pixels, in which the body may be
-COARSE = 3.0  # px of the reduced image: the standard deviation of a blur that is made at a reduced size
 
 
+@kernel(nogil=True)
 def coverage(planes: Planes, mask: Bytes, other: Bytes, inflation: float, refined: bool) -> tuple[Image, Image]:
     """Share (h, w) of each pixel that a body covers, 1 or 0 off its outline, and its variance; see ``coverage_centre``.
 
@@ -44,44 +50,29 @@ def coverage(planes: Planes, mask: Bytes, other: Bytes, inflation: float, refine
     refined
         Whether outline and background are looked at again by the first result.
     """
-    depth = depth_of(mask, outside=False, exact=True)
+    depth = exact_depth(mask, False)
     deepest = float(depth.max())
-    near, heart = (dilated(mask, NEAR) > other).view(np.uint8), depth > 0.5 * deepest
+    near, heart = _without(dilated(mask, NEAR), other), _above(depth, 0.5 * deepest)
     persistence, rim = max(1.5, deepest / 2), min(RIM_PX, RIM_SHARE * deepest)
     share, variance, distance, half_width, axes = _first_look(planes, mask, near, depth, rim)
     is_blurred = half_width.max() > SHARP
     for _ in range((REFINED if is_blurred and axes == 1 else 1) if refined else 0):
-        level = _with_level_outside(planes, share, distance + half_width, other)
-        clear = distance - np.minimum(half_width * (1.0 if axes == 1 else CLEAR), DEEPEST * float(distance.max()))
+        level = _with_level_outside(planes, share, _plus(distance, half_width, 1.0), other)
+        clear = _clear(distance, half_width, 1.0 if axes == 1 else CLEAR)
         if distance.max() < SHALLOW * deepest:  # a notch, as in a small ball both darker and brighter
-            clear = np.maximum(clear, depth - rim)
+            clear = _larger(clear, _less(depth, rim))
         share, variance = _share((planes[0], level, planes[2]), mask, near, clear, persistence)
         if is_blurred:
             distance, half_width = outline(share, heart, axes)
-    variance *= _liveliness(share, variance, distance + half_width)
-    texture = _texture_variance(share, variance, distance - half_width) * persistence
-    band = np.abs(distance) <= half_width
-    settled = np.where(band, share, (distance > 0).astype(np.float32))
-    return settled, np.where(band, inflation * variance + texture * share**2, np.float32(0))
+    lively = np.float32(liveliness(share, variance, _plus(distance, half_width, 1.0), FEWEST_OUTSIDE))
+    for y in range(variance.shape[0]):
+        for x in range(variance.shape[1]):
+            variance[y, x] *= lively
+    texture = texture_variance(share, variance, _plus(distance, half_width, -1.0), OUTLINE_DEPTH) * persistence
+    return _at_outline(share, variance, distance, half_width, inflation, texture)
 
 
-def blurred(image: Image, sigma: float) -> Image:
-    """Image (h, w[, channels]) after a Gaussian blur of that standard deviation, px; a wide one at a reduced size."""
-    factor = max(1, int(sigma / COARSE))
-    if factor == 1:
-        return np.asarray(cv2.GaussianBlur(image, (0, 0), sigma), dtype=np.float32)
-    height, width = image.shape[:2]
-    rows, columns = -(-height // factor), -(-width // factor)
-    small = cv2.resize(image, (columns, rows), interpolation=cv2.INTER_AREA)
-    soft = cv2.GaussianBlur(small, (0, 0), sigma * columns / width, sigmaY=sigma * rows / height)
-    return np.asarray(cv2.resize(soft, (width, height), interpolation=cv2.INTER_LINEAR), dtype=np.float32)
-
-
-def largest(image: Image) -> Image:
-    """The largest of the channels of an image (h, w, channels), pixel by pixel: faster than by np.max."""
-    return reduce(np.maximum, cv2.split(image))
-
-
+@kernel(nogil=True)
 def _first_look(
     planes: Planes, mask: Bytes, near: Bytes, depth: Image, rim: float
 ) -> tuple[Image, Image, Image, Image, int]:
@@ -91,17 +82,18 @@ def _first_look(
     streak is as thick then; a body whose rim is of another brightness is not, and stays as it is by its rim.
     """
     deepest = float(depth.max())
-    heart, persistence = depth > 0.5 * deepest, max(1.5, deepest / 2)
-    share, variance = _share(planes, mask, near, depth - np.float32(rim), persistence)
+    heart, persistence = _above(depth, 0.5 * deepest), max(1.5, deepest / 2)
+    share, variance = _share(planes, mask, near, _less(depth, rim), persistence)
     distance, half_width = outline(share, heart, 1)
     if half_width.max() >= SHARP:
-        by_depth, its_variance = _share(planes, mask, near, depth - np.float32(DEEPEST * deepest), persistence)
+        by_depth, its_variance = _share(planes, mask, near, _less(depth, DEEPEST * deepest), persistence)
         inner, reach = outline(by_depth, heart, AXES)
         if inner.max() > WHOLE * distance.max():
             return by_depth, its_variance, inner, reach, AXES
     return share, variance, distance, half_width, 1
 
 
+@kernel(nogil=True)
 def _share(planes: Planes, mask: Bytes, near: Bytes, depth: Image, blur: float) -> tuple[Image, Image]:
     """Share (h, w) of each pixel that the body covers, and its variance; by the mask where brightness does not tell.
 
@@ -109,45 +101,101 @@ def _share(planes: Planes, mask: Bytes, near: Bytes, depth: Image, blur: float) 
     ``depth`` (h, w), px, is above 0: a pixel is of the body alone. Its shading is followed by a polynomial, what is
     left is replaced by the mean of the near pixels.
     """
+    height, width = mask.shape
     shade = shading(planes[0], depth, near)
     soft = blurred(beyond_shade(planes[0], shade, depth), blur)
     own, strength, missed = own_brightness(planes, shade, soft, depth, near)
-    strength += blurred(missed, blur) / np.maximum(soft[..., -1], np.float32(1e-6))
-    share, variance = shares(planes, own, strength, mask, near)
-    return share, variance
+    spread = blurred(missed.reshape((height, width, 1)), blur)
+    for y in range(height):
+        for x in range(width):
+            strength[y, x] += spread[y, x, 0] / max(soft[y, x, -1], np.float32(1e-6))
+    return shares(planes, own, strength, mask, near)
 
 
+@kernel(nogil=True)
 def _with_level_outside(planes: Planes, share: Image, beyond: Image, other: Bytes) -> Image:
     """The background as it is about the body now, e.g. in a soft shadow, continued inwards.
 
     ``beyond`` is negative outside of the outline; a cord that covers much of a pixel there does not count.
     """
-    image, background, _ = planes
-    free = ((beyond < 0) & (beyond > -OUTSKIRTS) & (np.abs(share) < FAINT) & (other == 0)).astype(np.float32)
-    off = (image - background) * free[..., np.newaxis]
-    soft = blurred(np.dstack((off, free)), OUTSKIRTS)
-    return np.asarray(
-        background + soft[..., :-1] / np.maximum(soft[..., -1:], np.float32(LEAST_FREE)), dtype=np.float32
-    )
+    free = np.zeros(share.shape, dtype=np.uint8)
+    for y in range(share.shape[0]):
+        for x in range(share.shape[1]):
+            free[y, x] = -OUTSKIRTS < beyond[y, x] < 0 and abs(share[y, x]) < FAINT and other[y, x] == 0
+    soft = blurred(off_background(planes[0], planes[1], free), OUTSKIRTS)
+    return levelled(planes[1], soft, LEAST_FREE)
 
 
-def _liveliness(share: Image, variance: Image, beyond: Image) -> np.float32:
-    """Variance of the coverage just outside of the band, where it should be 0, over that expected; at least 1.
-
-    The median keeps out the cord or whatever else is there. ``beyond`` (h, w), px, is negative outside of the band.
-    """
-    outside = (beyond < 0) & (variance > 0)
-    ratio = np.abs(share[outside]) / np.sqrt(variance[outside])
-    if ratio.size < FEWEST_OUTSIDE:
-        return np.float32(1)
-    return np.float32(max(1.0, (MAD_TO_SD * quantile(ratio, 0.5)) ** 2))
+@kernel(nogil=True)
+def _clear(distance: Image, half_width: Image, times: float) -> Image:
+    """How far inside of so many half widths of the outline each pixel is, px, at most a share of the thickness less."""
+    deepest, clear = np.float32(DEEPEST) * distance.max(), np.empty_like(distance)
+    for y in range(distance.shape[0]):
+        for x in range(distance.shape[1]):
+            clear[y, x] = distance[y, x] - min(half_width[y, x] * np.float32(times), deepest)
+    return clear
 
 
-def _texture_variance(share: Image, variance: Image, within: Image) -> float:
-    """Variance of the coverage just inside of the band, where it should be 1, beyond its noise.
+# loops, because numba takes seconds to compile each expression of whole images
 
-    ``within`` (h, w), px, is above 0 inside of the band.
-    """
-    inside = (within > 0) & (within < OUTLINE_DEPTH)
-    excess = (share[inside] - 1) ** 2 - variance[inside]
-    return max(0.0, float(excess.mean(dtype=np.float64))) if excess.size else 0.0
+
+@kernel(nogil=True)
+def _less(image: Image, by: float) -> Image:
+    less = np.empty_like(image)
+    for y in range(image.shape[0]):
+        for x in range(image.shape[1]):
+            less[y, x] = image[y, x] - np.float32(by)
+    return less
+
+
+@kernel(nogil=True)
+def _plus(image: Image, other: Image, times: float) -> Image:
+    plus = np.empty_like(image)
+    for y in range(image.shape[0]):
+        for x in range(image.shape[1]):
+            plus[y, x] = image[y, x] + np.float32(times) * other[y, x]
+    return plus
+
+
+@kernel(nogil=True)
+def _larger(image: Image, other: Image) -> Image:
+    larger = np.empty_like(image)
+    for y in range(image.shape[0]):
+        for x in range(image.shape[1]):
+            larger[y, x] = max(image[y, x], other[y, x])
+    return larger
+
+
+@kernel(nogil=True)
+def _above(image: Image, level: float) -> Flags:
+    above = np.empty(image.shape, dtype=np.bool_)
+    for y in range(image.shape[0]):
+        for x in range(image.shape[1]):
+            above[y, x] = image[y, x] > level
+    return above
+
+
+@kernel(nogil=True)
+def _without(mask: Bytes, other: Bytes) -> Bytes:
+    without = np.empty(mask.shape, dtype=np.uint8)
+    for y in range(mask.shape[0]):
+        for x in range(mask.shape[1]):
+            without[y, x] = mask[y, x] > other[y, x]
+    return without
+
+
+@kernel(nogil=True)
+def _at_outline(
+    share: Image, variance: Image, distance: Image, half_width: Image, inflation: float, texture: float
+) -> tuple[Image, Image]:
+    """Share and variance (h, w), of which what is off the outline is 1 or 0 and sure."""
+    settled = np.zeros(share.shape, dtype=np.float32)
+    sure = np.zeros(share.shape, dtype=np.float32)
+    for y in range(share.shape[0]):
+        for x in range(share.shape[1]):
+            if abs(distance[y, x]) <= half_width[y, x]:
+                settled[y, x] = share[y, x]
+                sure[y, x] = inflation * variance[y, x] + texture * share[y, x] ** 2
+            else:
+                settled[y, x] = distance[y, x] > 0
+    return settled, sure

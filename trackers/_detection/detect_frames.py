@@ -21,9 +21,9 @@ from trackers._background.median import (
 )
 from trackers._detection.background_samples import usable_samples
 from trackers._detection.coded_planes import plane_limits_of
+from trackers._detection.connected import filled_round
 from trackers._detection.detection import THINNEST_BODY, BlobDetector, Detection, FrameCandidates, FrameDetections
 from trackers._detection.foreground import BackgroundRange, background_range_of, blobs
-from trackers._detection.masks import filled
 from trackers._detection.search_window import SearchWindows, sparse_range_of
 from trackers._frames.ahead import ahead
 from trackers._frames.arrays import Bytes, Flags
@@ -158,7 +158,7 @@ def _in_colour(
     if area < FEWEST_COLOURED:
         return None
     in_luma = _covered(luma_range, np.ascontiguousarray(image[..., 0]))
-    whole = filled(in_luma, strong)
+    whole = filled_round(in_luma.astype(np.uint8), strong)
     beside = np.count_nonzero(whole > cv2.dilate(strong, AROUND))
     missed = np.count_nonzero(strong > in_luma) / area
     return missed, *_standing_out(background_range, image, strong > 0), beside / area

@@ -5,24 +5,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 
 from iris_sysid.types import Frame
 from trackers._background.median import Background
-from trackers._detection.body_window import Window, looks_of, ready_window
-from trackers._detection.coverage import largest
+from trackers._detection.coverage_kernels import seen_roughly
+from trackers._detection.depth import depth_of
 from trackers._detection.foreground import SMALLEST_AREA, Blob
-from trackers._detection.masks import depth_of, quantile
 from trackers._detection.motion_blur import streak_centre
 from trackers._detection.strong_windows import grown
-from trackers._detection.subpixel_centroid import Centre, coverage_centre
+from trackers._detection.subpixel_centroid import Centre, Window, coverage_centre
+from trackers._detection.window_kernels import looks_of, made_ready, paste
 from trackers._frames.arrays import Bytes, Image
 from trackers._frames.working_image import View
 
 THINNEST_BODY = 1.3  # px, inscribed radius
-CENTRAL = np.array([[-0.5, 0.0, 0.5]], dtype=np.float32)  # differences, a px
-STEEP = 0.9  # of the pixels of a body are less steep
 HAND_SHARE = 0.35  # of the body's inscribed radius: a hand or arm is at least as thick
 HAND_GAP = 0.5  # of the body's inscribed radius: a hand so near is taken to touch it
 MARGIN = 10  # px round a body that its outline and the ring about it need
@@ -183,18 +180,12 @@ class BlobDetector:
         """A body by its pixels of the search."""
         view, step = self.view, self.view.step
         left, top, right, bottom = grown(blob.box, 1, view.search_size)
-        image = _as_plane(view.part(frame, (left, top, right, bottom), step))
-        background = _as_plane(self.background.reduced(step).patch(top, bottom, left, right).background)
-        inside = pasted([blob], (top, bottom, left, right), 1) > 0
-        difference = image - background
-        level = largest(np.abs(difference))
-        rows, columns = np.nonzero(inside)
-        across, down = (cv2.filter2D(level, -1, kernel)[inside] for kernel in (CENTRAL, CENTRAL.T))
-        area, x, y = float(columns.size), float(columns.mean()), float(rows.mean())
-        contrast, brightening, intensity = (
-            float(plane[inside].mean()) for plane in (level, difference[..., 0], image[..., 0])
-        )
-        sharpness = quantile(np.hypot(across, down), STEEP)
+        image = np.atleast_3d(view.part(frame, (left, top, right, bottom), step)).astype(np.float32)
+        background = np.atleast_3d(self.background.reduced(step).patch(top, bottom, left, right).background)
+        mask = np.zeros(image.shape[:2], dtype=np.uint8)
+        rows, columns = slice(blob.top - top, blob.box[3] - top), slice(blob.left - left, blob.box[2] - left)
+        mask[rows, columns] = blob.mask
+        area, x, y, contrast, brightening, intensity, sharpness = seen_roughly(image, background, mask)
         x, y = view.in_frame(left + x, top + y)
         unknown = (np.inf,) * 2
         centre = Centre(x, y, *unknown, area * step**2, np.inf, contrast, intensity, np.inf, cut=False)
@@ -236,7 +227,7 @@ class BlobDetector:
             return None
         centre = coverage_centre(window, refined=self.refined)
         left, top = left * size + self.view.left, top * size + self.view.top
-        brightening, sharpness = looks_of(window)
+        brightening, sharpness = looks_of(window.planes, window.mask)
         seen = Detection(
             frame.index,
             frame.t_s,
@@ -278,13 +269,14 @@ class BlobDetector:
         estimate = self.background.reduced(size).patch(top, bottom, left, right)
         image = self.view.part(frame, (left, top, right, bottom), size)
         planes = _as_plane(image), _as_plane(estimate.background), _as_plane(estimate.noise)
-        mask = pasted([blob], (top, bottom, left, right), finer)
-        other = pasted([thing for thing in bodies if thing is not blob], (top, bottom, left, right), finer)
-        return ready_window(planes, mask, other, finer, self.inflation), left, top
+        mask = _pasted([blob], (top, bottom, left, right), finer)
+        other = _pasted([thing for thing in bodies if thing is not blob], (top, bottom, left, right), finer)
+        background, mask, other = made_ready(planes, mask, other, finer)
+        return Window(planes[0], background, planes[2], mask, other, self.inflation), left, top
 
 
 def _as_plane(image: Image | Bytes) -> Image:
-    """An image (h, w) or (h, w, channels) as (h, w, channels) grey levels in one piece."""
+    """An image (h, w) or (h, w, channels) as (h, w, channels) grey levels in one piece, as the kernels take it."""
     return np.array(image if image.ndim == 3 else image[..., np.newaxis], dtype=np.float32, order="C")
 
 
@@ -313,20 +305,12 @@ def _in_pixels(centre: Centre, size: int) -> Centre:
     )
 
 
-def pasted(blobs: list[Blob], within: tuple[int, int, int, int], finer: int) -> Bytes:
+def _pasted(blobs: list[Blob], within: tuple[int, int, int, int], finer: int) -> Bytes:
     """The masks of blobs in a window (top, bottom, left, right) whose pixels are so many times finer."""
     top, bottom, left, right = within
-    y, x = (np.arange(*ends) // finer for ends in ((top, bottom), (left, right)))
     pasted = np.zeros((bottom - top, right - left), dtype=np.uint8)
     for blob in blobs:
-        height, width = blob.mask.shape
-        rows, columns = (
-            np.flatnonzero((at >= first) & (at < first + size))
-            for at, first, size in ((y, blob.top, height), (x, blob.left, width))
-        )
-        if rows.size and columns.size:
-            part = blob.mask[y[rows] - blob.top][:, x[columns] - blob.left]
-            pasted[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1] |= part
+        paste(pasted, left, top, blob.mask, blob.left, blob.top, finer)
     return pasted
 
 

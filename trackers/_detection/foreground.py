@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
-from typing import TypeVar
 
 import cv2
 import numpy as np
 
+from iris_sysid.types import Array
 from trackers._background.median import BackgroundEstimate
-from trackers._detection.blob_cuts import THINNEST, BlobPart, cut_at, peak_of
-from trackers._detection.masks import SQUARE, depth_of
+from trackers._detection.blob_kernels import INSCRIBED, LEFT, SEED, THINNEST, WHOLE, cut_at, peak_of
+from trackers._detection.connected import Labels, connected_parts
 from trackers._detection.strong_windows import are_most, grown, merged, windows_of
 from trackers._frames.arrays import Box, Bytes, Flags, Image
 
@@ -28,9 +28,7 @@ FRINGE = 4  # px that the outline of a body may lie beyond its stout part
 CORD_RADIUS = 6.0  # px: half the width of the thickest cord that is cut off
 GROWN, FRAYED = 48, 3  # px by which a window grows that cuts a part; about its sides, where gaps are closed wrongly
 LARGE_BOX = 3000  # px: a smaller component is not worth cutting
-
-
-Levels = TypeVar("Levels", Bytes, Image)
+SQUARE = np.ones((3, 3), np.uint8)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -189,15 +187,14 @@ def parts_of(
         weak &= colour_mask
         strong &= colour_mask
     closed = cv2.morphologyEx(weak, cv2.MORPH_CLOSE, SQUARE)
-    count, labels, stats, _ = cv2.connectedComponentsWithStats(closed, connectivity=8)
-    support = np.bincount(labels[strong > 0], minlength=count)
+    labels, boxes = connected_parts(closed, strong)
     found = []
-    for number in (np.flatnonzero(support[1:] >= SMALLEST_SUPPORT) + 1).tolist():
-        left, top, width, height = stats[number, :4].tolist()
-        inside = (slice(top, top + height), slice(left, left + width))
-        excess = part.part((left, top, left + width, top + height)).excess(image[inside])
-        mask = (labels[inside] == number).view(np.uint8)
-        found.append(Component(mask, most_of_channels(excess), left + box[0], top + box[1]))
+    for number, (left, top, right, bottom, support) in enumerate(boxes.tolist(), start=1):
+        if support >= SMALLEST_SUPPORT:
+            inside = (slice(top, bottom), slice(left, right))
+            excess = part.part((left, top, right, bottom)).excess(image[inside])
+            mask = (labels[inside] == number).view(np.uint8)
+            found.append(Component(mask, most_of_channels(excess), left + box[0], top + box[1]))
     return found
 
 
@@ -224,9 +221,14 @@ def any_channel(flags: Flags) -> Flags:
     return flags if flags.ndim == 2 else np.logical_or(flags[..., 0], flags[..., 1] | flags[..., 2])
 
 
-def most_of_channels(image: Levels) -> Levels:
+def most_of_channels(image: Bytes) -> Bytes:
     """The largest of the channels of an image (h, w) or (h, w, 3), pixel by pixel."""
     return image if image.ndim == 2 else np.maximum(image[..., 0], np.maximum(image[..., 1], image[..., 2]))
+
+
+def padded(mask: Bytes) -> Bytes:
+    """The mask with another pixel on every side, 0; several times as fast as np.pad."""
+    return np.asarray(cv2.copyMakeBorder(mask, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0), dtype=np.uint8)
 
 
 def blobs(background_range: BackgroundRange, image: Bytes, colour_mask: Flags | None = None) -> list[Blob]:
@@ -242,8 +244,8 @@ def blobs(background_range: BackgroundRange, image: Bytes, colour_mask: Flags | 
 def blobs_of(parts: Iterable[Component], shape: tuple[int, ...]) -> list[Blob]:
     """The compact parts of some components of an image of that shape; see :func:`blobs`."""
     found_blobs: list[Blob] = []
-    for component in map(stout, parts):
-        peak = peak_of(component.mask, component.level)
+    for component in parts:
+        peak = peak_of(component.mask, np.ascontiguousarray(component.level))
         (faint, clearness), (bold, clearer) = (_blobs_at(component, share * peak, shape) for share in CONTRAST_SHARES)
         thin = min(component.mask.shape) <= SPECK
         found_blobs += bold if clearer > IN_DOUBT * clearness and not thin else faint
@@ -254,11 +256,11 @@ def stout(component: Component) -> Component:
     """A component cut to the box of its parts thicker than a cord: the box of a cord is large, and slow to search."""
     if component.mask.size < LARGE_BOX:
         return component
-    depth = depth_of(component.mask)
+    depth = cv2.distanceTransform(padded(component.mask), cv2.DIST_L2, cv2.DIST_MASK_3)
     thick = min(CORD_RADIUS, ARM_SHARE * float(depth.max()))
     x, y, width, height = cv2.boundingRect((depth > thick).astype(np.uint8))
     reach = int(thick) + FRINGE
-    window = slice(max(0, y - reach), y + height + reach), slice(max(0, x - reach), x + width + reach)
+    window = slice(max(0, y - 1 - reach), y + height + reach), slice(max(0, x - 1 - reach), x + width + reach)
     return Component(
         np.ascontiguousarray(component.mask[window]),
         np.ascontiguousarray(component.level[window]),
@@ -272,18 +274,26 @@ def _blobs_at(component: Component, faintest: float, shape: tuple[int, ...]) -> 
 
     See :func:`cut_at`.
     """
-    cut = cut_at(component.mask, component.level, faintest, SMALLEST_AREA)
-    return [_blob(component, shape, cut.depth, part) for part in cut.parts], cut.clearness
+    level = np.ascontiguousarray(component.level)
+    owner, depth, table, clearness = cut_at(component.mask, level, faintest, SMALLEST_AREA)
+    rows = enumerate(table, start=1)
+    return [_blob(component, shape, (owner, depth), number, row) for number, row in rows], clearness
 
 
-def _blob(component: Component, shape: tuple[int, ...], depth: Image, part: BlobPart) -> Blob:
-    """One part of a component of an image of that shape, and of that depth (h, w), px."""
-    x, y = component.left + part.left, component.top + part.top
-    edge = held = _at_edge((x, y, x + part.mask.shape[1], y + part.mask.shape[0]), shape)
-    thick = not edge and part.thickest >= THINNEST
-    if thick and _near_edge(_moved(part.whole, component), ARM_SHARE * part.thickest, shape):
-        held = _hangs_on_edge(depth, (*part.seed, part.inscribed), component, shape)
-    return Blob(part.mask, x, y, part.inscribed, edge, held)
+def _blob(component: Component, shape: tuple[int, ...], seen: tuple[Labels, Image], number: int, row: Array) -> Blob:
+    """One part of a component of an image of that shape, from the maps of :func:`cut_at` and its row of the table."""
+    owner, depth = seen
+    left, top, right, bottom = (int(side) for side in row[LEFT:INSCRIBED])
+    inscribed, thickest = float(row[INSCRIBED]), float(row[WHOLE + 4])
+    mask = (owner[top:bottom, left:right] == number).view(np.uint8)
+    x, y = component.left + left, component.top + top
+    edge = _at_edge((x, y, component.left + right, component.top + bottom), shape)
+    held = edge
+    if not edge and thickest >= THINNEST:
+        whole = tuple(int(side) for side in row[WHOLE : WHOLE + 4])
+        if _near_edge(_moved(whole, component), ARM_SHARE * thickest, shape):
+            held = _hangs_on_edge(depth, (int(row[SEED]), int(row[SEED + 1]), inscribed), component, shape)
+    return Blob(mask, x, y, inscribed, edge, held)
 
 
 def _hangs_on_edge(depth: Image, seed: tuple[int, int, float], component: Component, shape: tuple[int, ...]) -> bool:

@@ -5,13 +5,13 @@ from __future__ import annotations
 
 import math
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from iris_sysid.io.kernels import kernel
-from trackers._detection.masks import as_bytes, depth_of, filled
-from trackers._detection.strong_windows import grown
+from iris_sysid.types import Array
+from trackers._detection.connected import filled_about
+from trackers._detection.small_images import chamfer, stretched
 from trackers._frames.arrays import Bytes, Flags, Image
 
 FINER_SMALL, FINER_LARGE = 4, 2  # how much finer than the pixels the half-way contour is drawn
@@ -25,12 +25,12 @@ STEPS_APART = 6  # quarters of a px over which the coverage falls, or no longer 
 NARROWEST = 0.75  # px, half the width of the sharpest outline: half a pixel's diagonal
 QUARTER = 0.25  # px from one ring about the outline to the next
 RING_QUARTERS = 3  # of a px, width of a ring
-LOWEST, FINEST, LEVELS = -0.3025, 0.005, 322  # of coverage: the least, step and number of steps of its histogram
 HALF = np.float32(0.5)  # coverage on the outline
-# widest half widths and px off the outline, beyond which half its width is not asked for
+# widest half widths and px off the outline, from where on half the width of the outline there is not asked for
 FAR_WIDTHS, FAR = 1.5, 4.0
 
 
+@kernel(nogil=True)
 def outline(share: Image, heart: Flags, axes: int) -> tuple[Image, Image]:
     """Distance (h, w) of each pixel to the outline, px, positive inside, and half the width (h, w) of the outline, px.
 
@@ -48,72 +48,103 @@ def outline(share: Image, heart: Flags, axes: int) -> tuple[Image, Image]:
         Number of directions.
     """
     distance = _signed_distance(share, heart)
-    return distance, half_width_of(share, distance, axes)
+    return distance, _half_width(share, distance, axes)
 
 
+@kernel(nogil=True)
 def _signed_distance(share: Image, heart: Flags) -> Image:
     """Distance in px of each pixel's centre to the half-way contour round the heart, positive inside."""
     height, width = share.shape
     finer = FINER_SMALL if max(height, width) < SMALL_WINDOW else FINER_LARGE
-    size = (width * finer, height * finer)
-    fine = cv2.resize(np.maximum(share, heart), size, interpolation=cv2.INTER_LINEAR)
-    left, top, columns, rows = cv2.boundingRect(as_bytes(fine > HALF))
-    part = grown((left, top, left + columns, top + rows), 1, size)
-    window = slice(part[1], part[3]), slice(part[0], part[2])
-    seed = cv2.resize(as_bytes(heart), size, interpolation=cv2.INTER_NEAREST)[window]
-    body, inside = _without_cords(filled(fine[window] > HALF, seed))
-    free = np.ones(size[::-1], dtype=np.uint8)
-    free[window] -= body
-    signed = np.float32(0.5) - depth_of(free, outside=False)
-    np.copyto(signed[window], inside - np.float32(0.5), where=body.view(np.bool_))
-    mean = cv2.resize(signed, (width, height), interpolation=cv2.INTER_AREA)
-    return np.asarray(mean * np.float32(1 / finer), dtype=np.float32)
-
-
-def _without_cords(mask: Bytes) -> tuple[Bytes, Image]:
-    """The mask without parts thinner than a share of its thickness, its outline elsewhere as it was; its depth, px."""
-    depth = depth_of(mask, outside=False)
-    cord = CORD_SHARE * float(depth.max())
-    away = depth_of(depth < cord, outside=False)
-    stout = as_bytes((mask > 0) & (away < cord + 1))
-    if np.array_equal(stout, mask):
-        return mask, depth
-    return stout, depth_of(stout, outside=False)
+    solid = np.empty((height, width, 1), dtype=np.float32)
+    for y in range(height):
+        for x in range(width):
+            solid[y, x, 0] = max(share[y, x], np.float32(heart[y, x]))
+    fine = stretched(solid, height * finer, width * finer)
+    top, stop, left, end = _about_half(fine)
+    part = np.empty((stop - top, end - left), dtype=np.uint8)
+    seed = np.empty((stop - top, end - left), dtype=np.uint8)
+    for y in range(top, stop):
+        for x in range(left, end):
+            part[y - top, x - left] = fine[y, x, 0] > HALF
+            seed[y - top, x - left] = heart[y // finer, x // finer]
+    body, inside = _without_cords(filled_about(part, seed))
+    free = np.ones((height * finer, width * finer), dtype=np.uint8)
+    free[top:stop, left:end] -= body
+    return _in_pixels(inside, chamfer(free, False), (top, left), finer)
 
 
 @kernel(nogil=True)
-def half_width_of(share: Image, distance: Image, axes: int) -> Image:
-    """Half the width (h, w) of the outline, px; see :func:`outline` (numba: a third of the time of NumPy's arrays)."""
+def _about_half(fine: Image) -> tuple[int, int, int, int]:
+    """First and last row, first and last column (both last exclusive) of pixels (h, w, 1) above one half; one more."""
+    height, width, _ = fine.shape
+    top, stop, left, end = height, 0, width, 0
+    for y in range(height):
+        for x in range(width):
+            if fine[y, x, 0] > HALF:
+                top, stop, left, end = min(top, y), y + 1, min(left, x), max(end, x + 1)
+    return max(0, top - 1), min(height, stop + 1), max(0, left - 1), min(width, end + 1)
+
+
+@kernel(nogil=True)
+def _without_cords(mask: Bytes) -> tuple[Bytes, Image]:
+    """The mask without parts thinner than a share of its thickness, its outline elsewhere as it was; its depth, px."""
+    depth = chamfer(mask, False)
+    cord = np.float32(CORD_SHARE * depth.max())
+    thin = np.empty(mask.shape, dtype=np.uint8)
+    for y in range(mask.shape[0]):
+        for x in range(mask.shape[1]):
+            thin[y, x] = depth[y, x] < cord
+    away, stout, left_out = chamfer(thin, False), mask.copy(), 0
+    for y in range(mask.shape[0]):
+        for x in range(mask.shape[1]):
+            if mask[y, x] and away[y, x] >= cord + np.float32(1):
+                stout[y, x] = 0
+                left_out += 1
+    return (stout, chamfer(stout, False)) if left_out else (mask, depth)
+
+
+@kernel(nogil=True)
+def _in_pixels(inside: Image, outside: Image, corner: tuple[int, int], finer: int) -> Image:
+    """Signed distance (h, w), px, from the distances at ``finer`` pixels, of which those inside begin at a corner."""
+    height, width = outside.shape[0] // finer, outside.shape[1] // finer
+    top, left = corner
+    signed = np.float32(0.5) - outside
+    for row in range(inside.shape[0]):
+        for column in range(inside.shape[1]):
+            if inside[row, column] > 0:
+                signed[row + top, column + left] = inside[row, column] - np.float32(0.5)
+    distance = np.zeros((height, width), dtype=np.float32)
+    for row in range(height * finer):
+        for column in range(width):
+            for place in range(column * finer, column * finer + finer):
+                distance[row // finer, column] += signed[row, place]
+    return distance * np.float32(1.0 / finer**3)
+
+
+@kernel(nogil=True)
+def _half_width(share: Image, distance: Image, axes: int) -> Image:
+    """Half the width (h, w) of the outline, px; see :func:`outline`."""
     height, width = share.shape
     thickness = distance.max()
-    widest = max(1.0, WIDEST * thickness)
-    if thickness < SMALLEST_STREAK:
-        axes = 1
-    x, y = _middle(distance)
-    rings = int((widest + 1.0 - NARROWEST) / QUARTER) + 1
-    count = np.zeros((axes, rings + RING_QUARTERS, LEVELS), dtype=np.int32)
+    if axes == 1 or thickness < SMALLEST_STREAK:
+        away, beside, _ = _outside(share, distance, np.empty((0, 0)))
+        alike = _reach(away, beside, max(1.0, WIDEST * thickness), True)
+        return np.full((height, width), alike, dtype=np.float32)
+    turns = _turns(distance, axes)
+    away, beside, axis = _outside(share, distance, turns)
+    reaches = np.empty(axes + 1)
+    for k in range(axes):
+        reaches[k] = _reach(away[axis % axes == k], beside[axis % axes == k], max(1.0, WIDEST * thickness), False)
+    reaches[axes] = reaches[0]
+    widest = reaches.max()
+    half_width = np.full((height, width), widest, dtype=np.float32)
     for row in range(height):
         for column in range(width):
-            away = -distance[row, column]
-            if NARROWEST < away < widest + FARTHER:
-                axis = 0 if axes == 1 else int(np.rint(_turn(column - x, row - y, axes))) % axes
-                quarter = min(int((away - NARROWEST) / QUARTER), rings + RING_QUARTERS - 1)
-                level = int((share[row, column] - LOWEST) / FINEST)
-                count[axis, quarter, min(max(level, 0), LEVELS - 1)] += 1
-    reaches = np.empty(axes)
-    for axis in range(axes):
-        reaches[axis] = _reach(count[axis], rings, widest, axes == 1)
-    half_width = np.full((height, width), reaches.max(), dtype=np.float32)
-    if axes == 1:
-        return half_width
-    farthest = FAR_WIDTHS * reaches.max() + FAR
-    for row in range(height):
-        for column in range(width):
-            if abs(distance[row, column]) < farthest:
-                turn = _turn(column - x, row - y, axes)
-                first = int(turn) % axes
-                step = reaches[(first + 1) % axes] - reaches[first]
-                half_width[row, column] = reaches[first] + (turn - math.floor(turn)) * step
+            if abs(distance[row, column]) < FAR_WIDTHS * widest + FAR:
+                turn = turns[row, column]
+                first = min(int(turn), axes - 1)
+                half_width[row, column] = reaches[first] + (turn - first) * (reaches[first + 1] - reaches[first])
     return half_width
 
 
@@ -129,38 +160,100 @@ def _middle(distance: Image) -> tuple[float, float]:
 
 
 @kernel(nogil=True)
-def _turn(x: float, y: float, axes: int) -> float:
-    """A direction as a number from 0 to ``axes`` over half a turn."""
-    turn = math.atan2(y, x) / math.pi * axes
-    return turn - axes * math.floor(turn / axes)
+def _turns(distance: Image, axes: int) -> Array:
+    """Direction (h, w) in which pixels are seen from the middle of an outline, from 0 to ``axes`` over half a turn.
+
+    It is that of pixels at most as far outside as the widest outline reaches, and as far inside.
+    """
+    x, y = _middle(distance)
+    farthest = FAR_WIDTHS * max(1.0, WIDEST * distance.max()) + FAR
+    turns = np.zeros(distance.shape)
+    for row in range(distance.shape[0]):
+        for column in range(distance.shape[1]):
+            if abs(distance[row, column]) < farthest:
+                turn = math.atan2(row - y, column - x) / math.pi * axes
+                turns[row, column] = turn - axes * math.floor(turn / axes)
+    return turns
 
 
 @kernel(nogil=True)
-def _reach(count: NDArray[np.int32], rings: int, widest: float, trimmed: bool) -> float:
-    """The distance, px, outside of an outline at which the mean coverage of rings of pixels falls no more.
+def _outside(share: Image, distance: Image, turns: Array) -> tuple[Image, Image, NDArray[np.int64]]:
+    """How far pixels (n,) just outside of an outline are off it, px, their coverage, and in which direction they are.
+
+    ``turns`` (h, w) are those directions; where there are none it is 0.
+    """
+    farthest = max(1.0, WIDEST * distance.max()) + FARTHER
+    away = np.empty(share.size, dtype=np.float32)
+    beside = np.empty(share.size, dtype=np.float32)
+    axis, count = np.zeros(share.size, dtype=np.int64), 0
+    for row in range(share.shape[0]):
+        for column in range(share.shape[1]):
+            if -farthest < distance[row, column] < -NARROWEST:
+                away[count], beside[count] = -distance[row, column], share[row, column]
+                if turns.size:
+                    axis[count] = int(np.rint(turns[row, column]))
+                count += 1
+    return away[:count], beside[:count], axis[:count]
+
+
+@kernel(nogil=True)
+def _reach(away: Image, beside: Image, widest: float, trimmed: bool) -> float:
+    """The distance, px, outside of an outline at which the mean coverage falls no more.
 
     Parameters
     ----------
-    count
-        Number (quarters, levels) of pixels by quarters of a px off the outline, and by their coverage.
-    rings, widest
-        Number of rings, and largest distance, px.
+    away, beside
+        Distance (n,) of pixels outside of the outline, px, and their coverage.
+    widest
+        Largest distance, px.
     trimmed
         Whether the mean is that without the largest and the smallest tenth; else it is the median.
     """
-    means = np.zeros(rings)
-    for ring in range(rings):
-        total = count[ring : ring + RING_QUARTERS].sum()
-        cut = total // 10 if trimmed else (total - 1) // 2
-        below = 0
-        for level in range(LEVELS):
-            here = count[ring, level] + count[ring + 1, level] + count[ring + 2, level]
-            kept = min(below + here, total - cut) - max(below, cut)
-            if kept > 0:
-                means[ring] += kept * (LOWEST + FINEST * (level + 0.5)) / (total - 2 * cut)
-            below += here
-        if means[ring] < TAIL:
-            return min(NARROWEST + QUARTER * ring, widest)
-        if ring >= STEPS_APART and means[ring - STEPS_APART] - means[ring] < TAIL:
-            return NARROWEST + QUARTER * (ring - STEPS_APART)
+    levels, count = np.empty(int((widest + 1.0) / QUARTER) + 4), 0
+    order, starts = _by_quarters(away, levels.size + RING_QUARTERS)
+    ring = np.empty(away.size + 1, dtype=np.float32)
+    half_width = NARROWEST
+    while half_width < widest + 1.0:
+        size = 0
+        for k in order[starts[count] : starts[count + RING_QUARTERS]]:
+            ring[size] = beside[k]
+            size += away[k] > half_width
+        level = _level_of(np.sort(ring[:size]), trimmed)
+        levels[count] = level
+        if level < TAIL:
+            return min(half_width, widest)
+        if count >= STEPS_APART and levels[count - STEPS_APART] - level < TAIL:
+            return half_width - STEPS_APART / 4
+        count += 1
+        half_width = NARROWEST + QUARTER * count
     return widest
+
+
+@kernel(nogil=True)
+def _by_quarters(away: Image, count: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Numbers of the pixels by how many quarters of a px they are off, and where each quarter begins among them.
+
+    ``away`` (n,), px, is above ``NARROWEST``, where the first of ``count`` quarters begins.
+    """
+    quarter, starts = np.empty(away.size, dtype=np.int64), np.zeros(count + 1, dtype=np.int64)
+    for k in range(away.size):
+        quarter[k] = min(int((away[k] - NARROWEST) / QUARTER), count - 1)
+        starts[quarter[k] + 1] += 1
+    for k in range(count):
+        starts[k + 1] += starts[k]
+    order, free = np.empty(away.size, dtype=np.int64), starts[:-1].copy()
+    for k in range(away.size):
+        order[free[quarter[k]]] = k
+        free[quarter[k]] += 1
+    return order, starts
+
+
+@kernel(nogil=True)
+def _level_of(ring: Image, trimmed: bool) -> float:
+    """Mean without the largest and smallest tenth, or median, of values in order; 0 of none."""
+    if not ring.size:
+        return 0.0
+    if trimmed:
+        cut = ring.size // 10
+        return ring[cut : ring.size - cut].mean()
+    return (ring[(ring.size - 1) // 2] + ring[ring.size // 2]) / 2

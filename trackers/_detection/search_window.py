@@ -28,6 +28,7 @@ from trackers._detection.foreground import (
     components,
     parts_of,
     rounded,
+    stout,
     whole_parts,
 )
 from trackers._detection.strong_windows import merged, overlap
@@ -122,8 +123,11 @@ class SearchWindows:
         if box == self._whole and colour_mask is None and self.plane_limits is not None:
             return list(whole_parts(partial(self._parts_in, frame), self.plane_limits.windows(frame), box[2:]))
         image = self.view.part(frame, box, self.view.step)
-        found = components(self.background_range.part(box), image, colour_mask)
-        return [component.moved(box[0], box[1]) for component in found]
+        moved = (
+            component.moved(box[0], box[1])
+            for component in components(self.background_range.part(box), image, colour_mask)
+        )
+        return list(moved if self.sparse_range is None else map(stout, moved))
 
     def _parts_in(self, frame: Frame, box: Box) -> list[Component]:
         return parts_of(self.background_range, self.view.part(frame, box, self.view.step), box)

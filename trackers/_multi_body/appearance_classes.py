@@ -14,8 +14,15 @@ from iris_sysid.errors import TrackingError
 from iris_sysid.types import Array
 from trackers._background.median import Background, Stack, estimate_background
 from trackers._detection.detect_frames import DetectionSetup
-from trackers._detection.foreground import BackgroundRange, Blob, background_range_of, blobs, components, rounded
-from trackers._detection.masks import SQUARE
+from trackers._detection.foreground import (
+    SQUARE,
+    BackgroundRange,
+    Blob,
+    background_range_of,
+    blobs,
+    components,
+    rounded,
+)
 from trackers._frames.ahead import ahead
 from trackers._frames.arrays import Box, Bytes, Flags, Image
 

@@ -12,7 +12,7 @@ from iris_sysid.errors import DataError, TrackingError
 from iris_sysid.types import FrameSource, TrackOptions
 from trackers._detection.detect_frames import DetectionSetup, detection_setup
 from trackers._detection.detection import FrameDetections
-from trackers._detection.masks import SQUARE
+from trackers._detection.foreground import SQUARE
 from trackers._frames.arrays import Bytes
 from trackers._frames.working_image import View
 from trackers._linking.frame_to_frame import Tracklet

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from iris_sysid.errors import TrackingError
 from iris_sysid.types import Array, Frame, FrameSource, TrackOptions, with_progress
+from trackers._detection.depth import depth_of
 from trackers._detection.detect_frames import REPORT_EVERY, DetectionSetup, detection_setup
 from trackers._detection.detection import THINNEST_BODY, Detection, FrameDetections, touches
-from trackers._detection.foreground import SMALLEST_AREA, Blob
-from trackers._detection.masks import SQUARE, depth_of
+from trackers._detection.foreground import SMALLEST_AREA, SQUARE, Blob
 from trackers._detection.subpixel_centroid import Centre
 from trackers._frames.ahead import ahead
 from trackers._frames.arrays import Bytes

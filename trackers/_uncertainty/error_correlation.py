@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 
 from iris_sysid.types import Array, ErrorAutocorrelation, Mask
 from trackers._frames.arrays import MAD_TO_SD, Image
+from trackers._uncertainty.lobe_kernel import LOBES, lobes_of
 
-LOBES = (3, 5)  # odd as a shift is: a shape with a centre of symmetry, a disc or its streak, has none of its own
-INNER, OUTER = 0.5, 1.8  # of the radius, between which the outline lies
 LARGEST_LOBE = 0.15  # of the radius: a shape with larger lobes is no disc, and its outline changes as it turns
 SLOWEST = 0.5  # px a frame: the encoder copies a resting body from frame to frame, and its errors never change
 STRETCH = (10, 32)  # frames of the shortest and longest stretch of the track that is analysed by itself
@@ -38,9 +37,7 @@ def outline_lobes(share: Image, x: float, y: float, area: float) -> tuple[float,
 
     With delta(phi) the outline's distance from a circle of radius r, the amplitude is that of its Fourier series,
     1/pi times the integral of delta cos(m phi), here sum((a - d) cos(m phi)) / (pi r) over the pixels near the outline,
-    where d is the coverage by the disc. An edge in which the coverage falls linearly over the width w holds
-    sum(a (1 - a)) = 2 pi r w / 6. The pixels alone give a sharp disc lobes of a few hundredths of a pixel; those of a
-    disc with an edge as wide are taken off.
+    where d is the coverage by the disc.
 
     Parameters
     ----------
@@ -49,15 +46,7 @@ def outline_lobes(share: Image, x: float, y: float, area: float) -> tuple[float,
     x, y, area
         Its centre, px from the centre of pixel (0, 0) of ``share``, and its area, px^2.
     """
-    radius = float(np.sqrt(area / np.pi))
-    columns, rows = (np.arange(size, dtype=np.float64) for size in share.shape[::-1])
-    squared = (columns - x) ** 2 + ((rows - y) ** 2)[:, np.newaxis]
-    near = (squared > (INNER * radius) ** 2) & (squared < (OUTER * radius) ** 2)
-    row, column = np.nonzero(near)
-    away, covered = np.sqrt(squared[near]), np.clip(share[near], 0, 1)
-    width = max(1.0, 6 * float((covered * (1 - covered)).sum()) / (2 * np.pi * radius))
-    disc = np.clip((radius - away) / width + 0.5, 0, 1)
-    return lobe_amplitudes(share[near] - disc, (column - x) + 1j * (row - y), radius)
+    return tuple(float(part) for part in lobes_of(np.asarray(share, dtype=np.float64), x, y, area))
 
 
 def lobe_amplitudes(share: Array | Image, offset: NDArray[np.complex128], radius: float) -> tuple[float, ...]:
@@ -73,9 +62,7 @@ def lobe_amplitudes(share: Array | Image, offset: NDArray[np.complex128], radius
         Of the disc, px.
     """
     weight, direction = share / (np.pi * radius), offset / np.maximum(np.abs(offset), 1e-9)
-    squared = direction * direction
-    third = squared * direction
-    amplitudes = [complex(weight @ turned) for turned in (third, third * squared)]  # of LOBES
+    amplitudes = [complex(weight @ direction**lobe) for lobe in LOBES]
     return tuple(part for amplitude in amplitudes for part in (amplitude.real, amplitude.imag))
 
 

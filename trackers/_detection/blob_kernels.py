@@ -1,0 +1,174 @@
+"""A component cut into compact parts, at one level of contrast (numba: one call)."""
+
+# mypy: disallow-untyped-decorators=False
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from iris_sysid.io.kernels import kernel
+from iris_sysid.types import Array
+from trackers._detection.connected import Labels, filled_about, parts_with
+from trackers._detection.depth import exact_depth
+from trackers._detection.small_images import mirrored
+from trackers._frames.arrays import Bytes, Image
+
+THINNEST = 2.5  # px: a component with a smaller inscribed circle is not taken apart
+BLOB_SHARE = 0.5  # of the inscribed radius: thinner parts are cords, arms of clamps, fingers
+LEFT, TOP, RIGHT, BOTTOM, INSCRIBED, WHOLE, SEED, COLUMNS = 0, 1, 2, 3, 4, 5, 10, 12
+
+
+@kernel(nogil=True)
+def peak_of(mask: Bytes, level: Bytes) -> float:
+    """Largest mean of 3 x 3 px of a difference (h, w), grey levels, within a mask, rounded."""
+    height, width = mask.shape
+    most = 0
+    for y in range(height):
+        above, below = mirrored(y - 1, height), mirrored(y + 1, height)
+        for x in range(width):
+            if mask[y, x]:
+                total = 0
+                for row in (above, y, below):
+                    total += int(level[row, mirrored(x - 1, width)]) + int(level[row, x])
+                    total += int(level[row, mirrored(x + 1, width)])
+                most = max(most, total)
+    return np.rint(most / 9)
+
+
+@kernel(nogil=True)
+def cut_at(mask: Bytes, level: Bytes, faintest: float, smallest: int) -> tuple[Labels, Image, Array, float]:
+    """Cut what of a mask differs by so many grey levels at least where it is thin: opening by half its thickness.
+
+    Parameters
+    ----------
+    mask, level
+        The component and its difference (h, w), grey levels.
+    faintest
+        Least difference.
+    smallest
+        Fewest pixels of what is cut.
+
+    Returns
+    -------
+    owner : Labels
+        Number of the part that a pixel (h, w) belongs to, from 1.
+    depth : Image
+        Distance (h, w), px, to the next pixel that is of no part of the component.
+    table : Array
+        Of each part (n, 12) left, top, right, bottom (exclusive), inscribed radius; of the whole that it was cut from
+        left, top, right, bottom, inscribed radius; column and row of a pixel in its depth. All px.
+    clearness : float
+        How compact the parts are, times how sharp their outlines are by the gradient, grey levels a px.
+    """
+    bright = ((mask > 0) & (level >= faintest)).astype(np.uint8)
+    solid = filled_about(bright, bright)
+    wholes, boxes = parts_with(solid, solid)
+    depth = exact_depth(solid, True)
+    kept = _worth_cutting(wholes, boxes, depth, smallest)
+    deep = np.zeros(mask.shape, dtype=np.uint8)
+    for y in range(mask.shape[0]):
+        for x in range(mask.shape[1]):
+            thickest = kept[wholes[y, x]]
+            deep[y, x] = thickest > 0 and depth[y, x] > (BLOB_SHARE * thickest if thickest >= THINNEST else 0.0)
+    seeds, seed_boxes = parts_with(deep, deep)
+    owner, table = _owned(wholes, boxes, kept, depth, seeds, seed_boxes)
+    return owner, depth, table, _clearness(owner, table, level)
+
+
+@kernel(nogil=True)
+def _worth_cutting(wholes: Labels, boxes: Labels, depth: Image, smallest: int) -> Image:
+    """Inscribed radius (n + 1,), px, of each of the parts ``wholes`` (h, w), by its number; 0 of one too small."""
+    thickest = np.zeros(len(boxes) + 1, dtype=np.float32)
+    for y in range(wholes.shape[0]):
+        for x in range(wholes.shape[1]):
+            if wholes[y, x]:
+                thickest[wholes[y, x]] = max(thickest[wholes[y, x]], depth[y, x])
+    for k in range(len(boxes)):
+        if boxes[k, 4] < smallest:
+            thickest[k + 1] = 0
+    return thickest
+
+
+@kernel(nogil=True)
+def _owned(
+    wholes: Labels, boxes: Labels, thickest: Image, depth: Image, seeds: Labels, seed_boxes: Labels
+) -> tuple[Labels, Array]:
+    """The part that each pixel belongs to, and the table of parts: what is about several seeds is of the nearest."""
+    owner, nearest = np.zeros(wholes.shape, dtype=np.int32), np.full(wholes.shape, np.inf, dtype=np.float32)
+    table = np.zeros((len(seed_boxes), COLUMNS))
+    for k in range(len(seed_boxes)):
+        left, top, right, bottom = seed_boxes[k, 0], seed_boxes[k, 1], seed_boxes[k, 2], seed_boxes[k, 3]
+        x = left
+        while seeds[top, x] != k + 1:
+            x += 1
+        number, row = wholes[top, x], table[k]
+        row[SEED], row[SEED + 1], row[WHOLE + 4] = x, top, thickest[number]
+        row[WHOLE : WHOLE + 4] = boxes[number - 1, :4]
+        for y in range(top, bottom):
+            for x in range(left, right):
+                if seeds[y, x] == k + 1:
+                    row[INSCRIBED] = max(row[INSCRIBED], depth[y, x])
+        cut = BLOB_SHARE * thickest[number] if thickest[number] >= THINNEST else 0.0
+        reach = int(cut) + 2
+        top, left = max(0, top - reach), max(0, left - reach)
+        bottom, right = min(wholes.shape[0], bottom + reach), min(wholes.shape[1], right + reach)
+        away = exact_depth((seeds[top:bottom, left:right] != k + 1).astype(np.uint8), False)
+        for y in range(top, bottom):
+            for x in range(left, right):
+                off = away[y - top, x - left]
+                if wholes[y, x] == number and off <= cut + 1.0 and off < nearest[y, x]:
+                    owner[y, x], nearest[y, x] = k + 1, off
+    _fill_boxes(owner, table)
+    return owner, table
+
+
+@kernel(nogil=True)
+def _fill_boxes(owner: Labels, table: Array) -> None:
+    """Set the boxes of the parts in their table."""
+    for k in range(len(table)):
+        table[k, LEFT], table[k, TOP] = owner.shape[1], owner.shape[0]
+    for y in range(owner.shape[0]):
+        for x in range(owner.shape[1]):
+            if owner[y, x]:
+                row = table[owner[y, x] - 1]
+                row[LEFT], row[TOP] = min(row[LEFT], x), min(row[TOP], y)
+                row[RIGHT], row[BOTTOM] = max(row[RIGHT], x + 1), max(row[BOTTOM], y + 1)
+
+
+@kernel(nogil=True)
+def _clearness(owner: Labels, table: Array, level: Bytes) -> float:
+    """See :func:`cut_at`; 0 where there are no parts."""
+    height, width = owner.shape
+    area, rim, steepness = 0, 0, 0.0
+    for y in range(height):
+        for x in range(width):
+            if owner[y, x]:
+                area += 1
+                if _is_rim(owner, y, x):
+                    rim, steepness = rim + 1, steepness + _slope(level, y, x)
+    return (table[:, INSCRIBED] ** 2).sum() / max(1, area) * steepness / max(1, rim)
+
+
+@kernel(nogil=True)
+def _is_rim(owner: Labels, y: int, x: int) -> bool:
+    """Whether one of the eight pixels about one belongs to another part, or to none."""
+    for row in range(y - 1, y + 2):
+        for column in range(x - 1, x + 2):
+            if row < 0 or column < 0 or row >= owner.shape[0] or column >= owner.shape[1]:
+                return True
+            if owner[row, column] != owner[y, x]:
+                return True
+    return False
+
+
+@kernel(nogil=True)
+def _slope(level: Bytes, y: int, x: int) -> float:
+    """Gradient (Sobel) of a difference (h, w), grey levels a px, its borders mirrored."""
+    height, width = level.shape
+    across = down = 0
+    for step, weight in ((-1, 1), (0, 2), (1, 1)):
+        row, column = mirrored(y + step, height), mirrored(x + step, width)
+        across += weight * (int(level[row, mirrored(x + 1, width)]) - int(level[row, mirrored(x - 1, width)]))
+        down += weight * (int(level[mirrored(y + 1, height), column]) - int(level[mirrored(y - 1, height), column]))
+    return math.hypot(across, down) / 8
