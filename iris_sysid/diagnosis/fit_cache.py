@@ -87,6 +87,11 @@ class FitCache:
             if rough is not None:
                 yield from rough._tried()
 
+    @property
+    def _no_starts(self) -> list[Starts]:
+        """Starts of effects that the model has already: none, one a clip."""
+        return [{} for _ in self.clips]
+
     def screening(self, current: ModelWithEffects) -> Screening:
         """The score tests of every effect that a model does not have yet."""
         if current.key not in self._screenings:
@@ -116,26 +121,23 @@ class FitCache:
 
     def continued(self, found: ModelWithEffects, effects: Sequence[Effect]) -> ModelWithEffects:
         """The model with some effects of one that was fitted to fewer samples or roughly, from where that fit ended."""
-        no_starts: list[Starts] = [{}] * len(self.clips)
-        return self._fitted(replace(found, units=self.base.units), effects, no_starts, ())
+        return self._fitted(replace(found, units=self.base.units), effects, self._no_starts, ())
 
     def refitted_again(self, found: ModelWithEffects) -> ModelWithEffects:
         """The same model as one that was fitted to fewer samples, in its shapes; takes the place of one that failed."""
-        no_starts: list[Starts] = [{}] * len(self.clips)
         start = replace(found, units=self.base.units)
-        self._models[found.key] = refitted(self.clips, start, self._model, found.effects, no_starts)
+        self._models[found.key] = refitted(self.clips, start, self._model, found.effects, self._no_starts)
         return self._models[found.key]
 
     def without(self, current: ModelWithEffects, effect: Effect) -> ModelWithEffects:
         """The model with one of its effects removed."""
         effects = [other for other in current.effects if other.name != effect.name]
-        no_starts: list[Starts] = [{}] * len(self.clips)
         if len(effects) != 1 or fitted_forms(effects[0]):
-            return self._fitted(current, effects, no_starts, ())
+            return self._fitted(current, effects, self._no_starts, ())
         # a model with a single effect is always fitted from the base
         alone = self.with_added(self.base, self.screening(self.base).single(effects[0].name))
         if not alone.usable:
-            alone = refitted(self.clips, current, self._model, effects, no_starts)
+            alone = refitted(self.clips, current, self._model, effects, self._no_starts)
             self._models[alone.key] = alone
         return alone
 
@@ -153,8 +155,7 @@ class FitCache:
     def with_free_form(self, current: ModelWithEffects, effect: Effect) -> ModelWithEffects:
         """The model with the form of one of its effects fitted, instead of the one that it usually has."""
         effects = [with_free_form(other) if other.name == effect.name else other for other in current.effects]
-        no_starts: list[Starts] = [{}] * len(self.clips)
-        return self._fitted(current, effects, no_starts, forms(effect))
+        return self._fitted(current, effects, self._no_starts, forms(effect))
 
     def refits(self, current: ModelWithEffects, candidates: Sequence[Candidate]) -> list[ModelWithEffects]:
         """The usable refits with the most promising candidates, the one with the smallest criterion first."""

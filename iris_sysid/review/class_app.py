@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from functools import cache, partial
 from threading import Lock
 
 from starlette.concurrency import run_in_threadpool
@@ -70,9 +71,11 @@ def class_app(page: Callable[[str], str], reviews: ClassReviews, token: str, hos
     def first(request: Request) -> Response:
         return HTMLResponse(page(token), headers={"content-security-policy": CONTENT_POLICY})
 
+    app_of = cache(partial(page_app, token=token))
+
     async def review(scope: Scope, receive: Receive, send: Send) -> None:
         session = await run_in_threadpool(reviews.session, scope["path_params"]["group"])
-        await page_app(session, token)(scope, receive, send)
+        await app_of(session)(scope, receive, send)
 
     routes = [Route("/", first), Mount("/review/{group}", review)]
     return Guard(application(routes), token=token, hosts=hosts)

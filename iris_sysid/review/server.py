@@ -30,7 +30,6 @@ def serve(
         Number of the port; 0 takes a free one.
     ready
         Called with the address to open, token included, once the server listens.
-
     close
         Called at the end.
 
