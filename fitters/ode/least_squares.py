@@ -36,8 +36,7 @@ class Accuracy(NamedTuple):
 
 
 FINE = Accuracy(1e-8, 1e-8, 200)
-ROUGH = Accuracy(1e-5, 1e-6, 40)  # good enough for the next horizon
-SEARCH = Accuracy(1e-4, 1e-6, 40)  # good enough to compare effects, of which some are nearly undetermined
+ROUGH = Accuracy(1e-5, 1e-6, 40)  # good enough for the next horizon, or to compare models
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -268,7 +267,7 @@ def _minimised(objective: _Objective, loss: Loss, accuracy: Accuracy) -> Optimiz
                 loss=loss,
                 f_scale=SOFT_AT,
                 ftol=accuracy.tolerance,
-                xtol=min(accuracy.tolerance, ROUGH.tolerance),
+                xtol=accuracy.tolerance,
                 gtol=1e-15,
                 max_nfev=accuracy.evaluations,
             )

@@ -30,7 +30,6 @@ from fitters.ode.intervals import Found, Method, checked_methods, disagreements,
 from fitters.ode.least_squares import (
     FINE,
     ROUGH,
-    SEARCH,
     Accuracy,
     Loss,
     Solution,
@@ -62,6 +61,7 @@ if TYPE_CHECKING:
     import lmfit
 
 PATIENCE = 500_000, 50  # samples evaluated, and least evaluations, before a local fit is abandoned
+ROUGH_PATIENCE = 100_000, 40  # the same of a rough one
 OUTLIER_ROUNDS = 4, 2  # in which samples are reselected, of a fit and of one in a search
 HELD = 1e3  # weight at which a prior holds its value
 LOST = "no start led to the data, and where the search ended some values have no effect of their own"
@@ -205,6 +205,11 @@ class _Refinement:
     loss: Loss
     accuracy: Accuracy
 
+    @property
+    def rough(self) -> bool:
+        """Whether the values need not be those of the minimum."""
+        return self.accuracy.tolerance > FINE.tolerance
+
     def continued(self, problem: InitialValueProblem, target: Target, unknowns: Unknowns, before: Solution) -> Solution:
         """The least squares from where an earlier solution ended."""
         return minimise(
@@ -254,8 +259,8 @@ def _accuracy(options: FitOptions, samples: int) -> Accuracy:
     """With what a fit ends; a local one is abandoned earlier where there are many samples."""
     if not options.local:
         return FINE
-    patience = max(PATIENCE[0] // samples, PATIENCE[1])
-    return SEARCH if options.rough else FINE._replace(evaluations=min(patience, FINE.evaluations))
+    accuracy, (work, least) = (ROUGH, ROUGH_PATIENCE) if options.rough else (FINE, PATIENCE)
+    return accuracy._replace(evaluations=min(max(work // samples, least), FINE.evaluations))
 
 
 def task_of(request: FitRequest) -> Task:
@@ -288,7 +293,7 @@ def _failure(
 def _downhill(task: Task, request: FitRequest) -> Solution:
     """Fit all samples from the start given alone; the first of them first, if asked for."""
     values = next(starting_values(task, request.start, guesses(task, request.start)))
-    accuracy = SEARCH if request.options.rough else ROUGH
+    accuracy = _accuracy(request.options, int(task.target.used.sum())) if request.options.rough else ROUGH
     if request.options.growing:
         return grow(task.problem, task.target, task.unknowns, values, accuracy)
     return minimise(task.problem, task.target, task.unknowns, values, accuracy=accuracy)
@@ -344,13 +349,12 @@ def _without_outliers(task: Task, solution: Solution, refinement: _Refinement) -
     """Finish the fit and reselect the samples: outliers are removed, good samples are restored."""
     candidates = task.selection.used[task.selection.span]
     target = task.target
-    rough = refinement.accuracy is SEARCH
-    for _ in range(OUTLIER_ROUNDS[rough]):
+    for _ in range(OUTLIER_ROUNDS[refinement.rough]):
         outliers = np.zeros_like(candidates)
         if explains(solution, target):
             residual = (target.observed - solution.predicted) / target.sigma
             outliers[candidates] = outliers_in_residual(residual[candidates], SMALLEST_DEVIATION)
-        is_finished = rough or (solution.fine and _exact(solution, target))
+        is_finished = refinement.rough or (solution.fine and _exact(solution, target))
         if is_finished and np.array_equal(candidates & ~outliers, target.used):
             break
         target = Target(target.observed, target.sigma, candidates & ~outliers)
