@@ -13,7 +13,7 @@ import numpy as np
 
 from fitters.integrator.initial_value_problem import InitialValueProblem
 from fitters.noise.measurement_noise import robust_sd
-from fitters.ode.least_squares import LARGEST, Solution, Target, Unknowns, minimise
+from fitters.ode.least_squares import FINE, LARGEST, ROUGH, Accuracy, Solution, Target, Unknowns, minimise
 from fitters.ode.status import determination
 from iris_sysid.types import Array
 
@@ -25,7 +25,9 @@ SAME = 1e-3  # relative difference of the rms of one and the same minimum
 DRAWS, DECADES, SCREENED = 256, 3.0, 4  # random values tried without a fit, their range about a start, and those fitted
 
 
-def grow(problem: InitialValueProblem, target: Target, unknowns: Unknowns, values: Array) -> Solution:
+def grow(
+    problem: InitialValueProblem, target: Target, unknowns: Unknowns, values: Array, accuracy: Accuracy = FINE
+) -> Solution:
     """Fit a first short horizon, then ever longer ones, then all samples.
 
     ``values`` (p + s,), each in its own unit.
@@ -35,8 +37,8 @@ def grow(problem: InitialValueProblem, target: Target, unknowns: Unknowns, value
 
     Parameters
     ----------
-    problem, target, unknowns, values
-        As for :func:`minimise`.
+    problem, target, unknowns, values, accuracy
+        As for :func:`minimise`; the last is that of the fit to all samples.
     """
     n = problem.t_s.size
     values = unknowns.inside(values)
@@ -44,11 +46,12 @@ def grow(problem: InitialValueProblem, target: Target, unknowns: Unknowns, value
     stop = max(first_horizon(target, unknowns.which.size), reach(problem, target, values))
     while True:
         part = thinned(problem.first(stop), target.first(stop))
-        solution = minimise(*part, unknowns, values, rough=True, gradients=gradients)
+        solution = minimise(*part, unknowns, values, accuracy=ROUGH, gradients=gradients)
         values, gradients = solution.values, solution.gradients
         if stop == n:
-            rough = not explains(solution, part[1])
-            return minimise(problem, target, unknowns, values, rough=rough, steps=solution.steps, gradients=gradients)
+            last = accuracy if explains(solution, part[1]) else max(accuracy, ROUGH)
+            steps = solution.steps
+            return minimise(problem, target, unknowns, values, accuracy=last, steps=steps, gradients=gradients)
         stop = next_horizon(problem, target, values, stop)
 
 

@@ -14,7 +14,7 @@ from fitters.integrator.initial_value_problem import (
     value_names,
 )
 from fitters.ode.fit_problem import known_inputs
-from fitters.ode.least_squares import FINE_STEP
+from fitters.ode.least_squares import FINE
 from iris_sysid.errors import FitError
 from iris_sysid.types import Array, FitResult, Hold, Identifiability, Trajectory
 
@@ -66,7 +66,7 @@ def _at_solution(result: FitResult, trajectory: Trajectory | None) -> tuple[Init
     inputs = None if trajectory is None else known_inputs(trajectory, model, span)
     hold: Hold = "linear" if trajectory is None else trajectory.hold
     values = np.array([result.estimates[name].value for name in names])
-    problem = initial_value_problem(model, result.t_s[span], inputs, hold).planned(values, FINE_STEP)
+    problem = initial_value_problem(model, result.t_s[span], inputs, hold).planned(values, FINE.time_step)
     return problem, values, np.array([names.index(name) for name in result.free], dtype=np.intp)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,15 +15,28 @@ from iris_sysid.types import Array, Mask
 
 Loss = Literal["linear", "soft_l1"]
 
-ROUGH, FINE = 1e-5, 1e-8  # relative change of the sum of squares at which a horizon, or the fit, has converged
-ROUGH_STEP, FINE_STEP = 1e-6, 1e-8  # relative error from the finite time step
 NEGLIGIBLE = (
     1e-2,
     1e-4,
 )  # error from the time step at a kink, as fractions of the noise and of the motion
-ROUGH_EVALUATIONS, FINE_EVALUATIONS = 40, 200
 LARGEST = 1e100  # in units of sigma: squares and their sums stay finite
 SOFT_AT = 2.0  # standard deviations above which soft_l1 grows linearly
+
+
+class Accuracy(NamedTuple):
+    """When a minimisation ends.
+
+    ``tolerance``: relative change of the sum of squares, and of the values, in a step; ``time_step``: relative error
+    from the finite time step; ``evaluations``: their largest number.
+    """
+
+    tolerance: float
+    time_step: float
+    evaluations: int
+
+
+FINE = Accuracy(1e-8, 1e-8, 200)
+ROUGH = Accuracy(1e-5, 1e-6, 40)  # good enough for the next horizon, or to compare models
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -186,11 +199,10 @@ def minimise(
     unknowns: Unknowns,
     values: Array,
     *,
-    rough: bool = False,
+    accuracy: Accuracy = FINE,
     loss: Loss = "linear",
     steps: Array | None = None,
     gradients: tuple[float, ...] = (),
-    most: int | None = None,
 ) -> Solution:
     """Least squares from one start over all samples of the problem, by SciPy's trust region with the model's Jacobian.
 
@@ -204,27 +216,24 @@ def minimise(
         The free values and their bounds.
     values
         (p + s,) start, and the values held.
-    rough
-        Stop early: good enough for the next horizon.
+    accuracy
+        When to end.
     loss
         As in ``scipy.optimize.least_squares``.
     steps
         (k,) difference steps of an earlier solution.
     gradients
         Of the iterations so far.
-    most
-        Largest number of evaluations, where smaller than the default; ignored when ``rough``.
     """
     start = unknowns.inside(values)
-    problem = problem.planned(start, ROUGH_STEP if rough else FINE_STEP, target.negligible)
+    problem = problem.planned(start, accuracy.time_step, target.negligible)
     steps = first_steps(start, unknowns.which) if steps is None else steps
     objective = _Objective(problem, target, unknowns, start, steps)
     predicted = objective.predicted(start)
     if not np.all(np.isfinite(predicted)):
         why = "the solution diverges at the start"
         return Solution(problem, start, predicted, objective.steps, np.inf, False, True, why, gradients)
-    enough = ROUGH_EVALUATIONS if rough else min(most or FINE_EVALUATIONS, FINE_EVALUATIONS)
-    result = _minimised(objective, loss, enough, rough=rough)
+    result = _minimised(objective, loss, accuracy)
     best = objective.values_of(result.x)
     seen = np.asarray(result.fun)[: int(target.used.sum()) * target.observed.shape[1]]
     with np.errstate(all="ignore"):
@@ -237,15 +246,15 @@ def minimise(
         steps=objective.steps,
         rms=rms if finite else np.inf,
         converged=bool(result.success) and finite,
-        fine=not rough,
+        fine=accuracy.tolerance <= FINE.tolerance,
         message=str(result.message),
         gradients=(*gradients, *objective.gradients),
     )
 
 
-def _minimised(objective: _Objective, loss: Loss, most: int, *, rough: bool) -> OptimizeResult:
+def _minimised(objective: _Objective, loss: Loss, accuracy: Accuracy) -> OptimizeResult:
     """What SciPy finds; the start where it gives up, as it does where derivatives are far beyond its numbers."""
-    tolerance, unknowns = ROUGH if rough else FINE, objective.unknowns
+    unknowns = objective.unknowns
     start = objective.start[unknowns.which]
     with np.errstate(all="ignore"):
         try:
@@ -257,10 +266,10 @@ def _minimised(objective: _Objective, loss: Loss, most: int, *, rough: bool) -> 
                 x_scale="jac",
                 loss=loss,
                 f_scale=SOFT_AT,
-                ftol=tolerance,
-                xtol=tolerance,
+                ftol=accuracy.tolerance,
+                xtol=accuracy.tolerance,
                 gtol=1e-15,
-                max_nfev=most,
+                max_nfev=accuracy.evaluations,
             )
         except ValueError as error:
             given_up = OptimizeResult()

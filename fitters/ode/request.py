@@ -25,16 +25,18 @@ class FitOptions:
     (large residuals count less); with both, single samples far from their neighbours' residual are left out, and a
     note says how many. ``multistart``: number of random starts to try when no start explains the data.
     ``local``: the start is near the minimum, e.g. that of a simpler model; minimise from it without a global search.
+    ``growing``: with ``local``, fit the first samples first, then ever more of them.
     ``discrepancy``: where the residual is more than noise, add to the errors what the equation may lack.
     ``unseen_drag``: with ``discrepancy``, add to the errors of a fall with gravity estimated the drag that its data
     cannot rule out; false where there is none, as in a vacuum.
-    ``rough``: with ``local``, stop where a step changes the sum of squares by less than 1e-5.
+    ``rough``: with ``local``, stop where a step changes the sum of squares by less than 1e-5: enough to compare models.
     """
 
     segments: tuple[SegmentLabel, ...] = ("motion",)
     loss: Loss = "linear"
     multistart: int = 8
     local: bool = False
+    growing: bool = False
     discrepancy: bool = True
     unseen_drag: bool = True
     rough: bool = False

@@ -25,9 +25,19 @@ from fitters.ode.fit_problem import (
     with_priors,
     without_start,
 )
-from fitters.ode.global_search import explains, is_lost, scattered_starts, search
+from fitters.ode.global_search import explains, grow, is_lost, scattered_starts, search
 from fitters.ode.intervals import Found, Method, checked_methods, disagreements, intervals_by
-from fitters.ode.least_squares import FINE_STEP, Loss, Solution, Target, Unknowns, minimise, reweighted
+from fitters.ode.least_squares import (
+    FINE,
+    ROUGH,
+    Accuracy,
+    Loss,
+    Solution,
+    Target,
+    Unknowns,
+    minimise,
+    reweighted,
+)
 from fitters.ode.request import DEFAULT_OPTIONS, NOTHING, FitOptions, FitRequest
 from fitters.ode.rest_position import calls_for_rest, held_zeros, is_better
 from fitters.ode.result import Lacking, conclude, errors_of, failed, information_loss, linearise
@@ -51,6 +61,8 @@ if TYPE_CHECKING:
     import lmfit
 
 PATIENCE = 500_000, 50  # samples evaluated, and least evaluations, before a local fit is abandoned
+ROUGH_PATIENCE = 100_000, 40  # the same of a rough one
+OUTLIER_ROUNDS = 4, 2  # in which samples are reselected, of a fit and of one in a search
 HELD = 1e3  # weight at which a prior holds its value
 LOST = "no start led to the data, and where the search ended some values have no effect of their own"
 PRIOR_ROUNDS, SETTLED = 4, 0.02  # fits with a new weight of the priors, and its last relative change
@@ -188,11 +200,15 @@ class NoMinimumError(FitError):
 
 @dataclass(frozen=True, slots=True)
 class _Refinement:
-    """How a fit is finished: ``loss``, ``rough`` and ``most`` as for :func:`fitters.ode.least_squares.minimise`."""
+    """How a fit is finished: ``loss`` and ``accuracy`` as for :func:`fitters.ode.least_squares.minimise`."""
 
     loss: Loss
-    rough: bool
-    most: int | None
+    accuracy: Accuracy
+
+    @property
+    def rough(self) -> bool:
+        """Whether the values need not be those of the minimum."""
+        return self.accuracy.tolerance > FINE.tolerance
 
     def continued(self, problem: InitialValueProblem, target: Target, unknowns: Unknowns, before: Solution) -> Solution:
         """The least squares from where an earlier solution ended."""
@@ -201,11 +217,10 @@ class _Refinement:
             target,
             unknowns,
             before.values,
-            rough=self.rough,
+            accuracy=self.accuracy,
             loss=self.loss,
             steps=before.steps,
             gradients=before.gradients,
-            most=self.most,
         )
 
 
@@ -224,12 +239,11 @@ def find_minimum(request: FitRequest) -> Minimum:
         return Minimum(task, task.target, _nothing_to_fit(task))
     options = request.options
     if options.local:
-        solution = _downhill(task, request.start)
+        solution = _downhill(task, request)
     else:
         solution = search(task.problem, task.target, task.unknowns, _starts(task, request.start, options.multistart))
     _check_finite(request, task, solution)
-    most = max(PATIENCE[0] // int(task.selection.used.sum()), PATIENCE[1]) if options.local else None
-    refinement = _Refinement(options.loss, options.local and options.rough, most)
+    refinement = _Refinement(options.loss, _accuracy(options, int(task.selection.used.sum())))
     target, solution = _without_outliers(task, solution, refinement)
     if task.priors:
         task, solution = _with_priors_weighed(task, target, solution, refinement)
@@ -239,6 +253,14 @@ def find_minimum(request: FitRequest) -> Minimum:
     if not options.local and solution.converged and is_lost(solution, target, task.unknowns):
         solution = replace(solution, converged=False, message=LOST)
     return Minimum(task, target, solution)
+
+
+def _accuracy(options: FitOptions, samples: int) -> Accuracy:
+    """With what a fit ends; a local one is abandoned earlier where there are many samples."""
+    if not options.local:
+        return FINE
+    accuracy, (work, least) = (ROUGH, ROUGH_PATIENCE) if options.rough else (FINE, PATIENCE)
+    return accuracy._replace(evaluations=min(max(work // samples, least), FINE.evaluations))
 
 
 def task_of(request: FitRequest) -> Task:
@@ -268,10 +290,13 @@ def _failure(
     return NoMinimumError(failed(request.trajectory, model, known, status, problem))
 
 
-def _downhill(task: Task, start: Mapping[str, float]) -> Solution:
-    """Fit all samples from the start given alone."""
-    values = next(starting_values(task, start, guesses(task, start)))
-    return minimise(task.problem, task.target, task.unknowns, values, rough=True)
+def _downhill(task: Task, request: FitRequest) -> Solution:
+    """Fit all samples from the start given alone; the first of them first, if asked for."""
+    values = next(starting_values(task, request.start, guesses(task, request.start)))
+    accuracy = _accuracy(request.options, int(task.target.used.sum())) if request.options.rough else ROUGH
+    if request.options.growing:
+        return grow(task.problem, task.target, task.unknowns, values, accuracy)
+    return minimise(task.problem, task.target, task.unknowns, values, accuracy=accuracy)
 
 
 def _starts(task: Task, start: Mapping[str, float], multistart: int) -> Iterator[tuple[Array, bool]]:
@@ -316,7 +341,7 @@ def _with_intervals(minimum: Minimum, result: FitResult, methods: tuple[Method, 
 def _nothing_to_fit(task: Task) -> Solution:
     """The prediction of values that are all known, judged like a fit."""
     vector = np.array([task.known[name].value for name in value_names(task.model)])
-    problem = task.problem.planned(vector, FINE_STEP)
+    problem = task.problem.planned(vector, FINE.time_step)
     return Solution(problem, vector, problem.predicted(vector), np.zeros(0), 1.0, True, True, "")
 
 
@@ -324,12 +349,12 @@ def _without_outliers(task: Task, solution: Solution, refinement: _Refinement) -
     """Finish the fit and reselect the samples: outliers are removed, good samples are restored."""
     candidates = task.selection.used[task.selection.span]
     target = task.target
-    for _ in range(4):
+    for _ in range(OUTLIER_ROUNDS[refinement.rough]):
         outliers = np.zeros_like(candidates)
         if explains(solution, target):
             residual = (target.observed - solution.predicted) / target.sigma
             outliers[candidates] = outliers_in_residual(residual[candidates], SMALLEST_DEVIATION)
-        is_finished = solution.converged if refinement.rough else solution.fine and _exact(solution, target)
+        is_finished = refinement.rough or (solution.fine and _exact(solution, target))
         if is_finished and np.array_equal(candidates & ~outliers, target.used):
             break
         target = Target(target.observed, target.sigma, candidates & ~outliers)
@@ -341,12 +366,12 @@ def _exact(solution: Solution, target: Target) -> bool:
     """Whether the time steps are short enough for the fitted values: those chosen for them predict the same."""
     problem, values = solution.problem, solution.values
     events = bool(problem.model.events)
-    anew = problem.halved() if events else problem.planned(values, FINE_STEP, target.negligible)
+    anew = problem.halved() if events else problem.planned(values, FINE.time_step, target.negligible)
     with np.errstate(all="ignore"):
         finer = anew.predicted(values)
         size = np.max(np.abs(finer), axis=0, initial=0.0)
         error = np.max(np.abs(solution.predicted - finer) / np.where(size > 0, size, 1.0), initial=0.0)
-    return bool(error < max(10 * FINE_STEP, 0.0 if events else target.negligible))
+    return bool(error < max(10 * FINE.time_step, 0.0 if events else target.negligible))
 
 
 def _with_priors_weighed(

@@ -338,8 +338,7 @@ def _fit_from(
     held = {*clip.fixed} - {*clip.free}  # a name in both has a prior
     start = {name: values[name] for name in free_now & names if name in values and name not in held}
     if growing:
-        options = replace(clip.options, discrepancy=False)
-        return solve(clip.with_(model=composed, start=start, options=options))
+        clip = clip.with_(options=replace(clip.options, growing=True))
     return fit_from(clip, composed, start)
 
 

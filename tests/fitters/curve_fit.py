@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fitters.noise.sandwich_covariance import inverse_normal
-from fitters.ode.least_squares import Solution, Target, Unknowns, minimise
+from fitters.ode.least_squares import ROUGH, Solution, Target, Unknowns, minimise
 from iris_sysid.errors import FitError
 from iris_sysid.types import Array
 
@@ -115,7 +115,7 @@ def _starts(first: Array, count: int) -> list[Array]:
 
 def _best(problem: InitialValueProblem, target: Target, unknowns: Unknowns, starts: Sequence[Array]) -> Solution | None:
     """The lowest minimum of all starts, followed to its bottom."""
-    solutions = [minimise(problem, target, unknowns, start, rough=True) for start in starts]
+    solutions = [minimise(problem, target, unknowns, start, accuracy=ROUGH) for start in starts]
     solutions = sorted(
         (solution for solution in solutions if np.isfinite(solution.rms)), key=lambda solution: solution.rms
     )

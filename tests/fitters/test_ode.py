@@ -13,7 +13,7 @@ from fitters.models.incline import MODEL as INCLINE
 from fitters.models.pendulum import MODEL as PENDULUM
 from fitters.models.projectile import MODEL as PROJECTILE
 from fitters.models.torricelli import MODEL as TORRICELLI
-from fitters.ode import FitOptions, fit, simulate
+from fitters.ode import FitOptions, fit, simulate, single_clip
 from fitters.ode.fit_problem import known_values, prepare, select
 from fitters.ode.global_search import first_horizon, next_horizon
 from iris_sysid.errors import FitError
@@ -550,8 +550,9 @@ EXPLOSIVE = OdeModel(
 
 
 def test_fit_that_does_not_settle_is_not_converged_and_says_what_to_do(monkeypatch):
-    monkeypatch.setattr("fitters.ode.least_squares.FINE_EVALUATIONS", 2)
-    monkeypatch.setattr("fitters.ode.least_squares.ROUGH_EVALUATIONS", 2)
+    for name in ("FINE", "ROUGH"):
+        impatient = getattr(single_clip, name)._replace(evaluations=2)
+        monkeypatch.setattr(single_clip, name, impatient)
     result = fit(
         pendulum_clip(),
         PENDULUM,
