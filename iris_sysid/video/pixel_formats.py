@@ -11,6 +11,7 @@ from typing import Any, cast
 import av
 import numpy as np
 from av import VideoFrame
+from av.video.reformatter import VideoReformatter
 from numpy.typing import NDArray
 
 from iris_sysid.errors import VideoError
@@ -163,7 +164,8 @@ def bgr_of(image: VideoFrame, orientation: Orientation) -> Bytes:
 
 def _converted(image: VideoFrame) -> Bytes:
     try:
-        return np.ascontiguousarray(image.to_ndarray(format="bgr24"), dtype=np.uint8)
+        # a converter of its own: that of the image is not safe where two threads ask for the same image
+        return np.ascontiguousarray(VideoReformatter().reformat(image, format="bgr24").to_ndarray(), dtype=np.uint8)
     except (av.FFmpegError, ValueError) as error:  # of an image of one pixel, at times
         size = f"{image.width}x{image.height} px"
         raise VideoError(f"an image of {size} in {image.format.name} cannot be converted to colour: {error}") from error

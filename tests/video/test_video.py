@@ -8,6 +8,7 @@ import time
 import wave
 import zipfile
 import zlib
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from fractions import Fraction
 from pathlib import Path
@@ -289,6 +290,14 @@ def test_bgr_agrees_with_opencv(tmp_path):
         assert bgr.shape == (48, 64, 3)
         assert np.abs(bgr.astype(int) - expected).max() <= 3
         bgr[:] = 0  # the caller's own array
+
+
+def test_one_frame_may_be_asked_for_its_colour_by_several_threads(tmp_path):
+    frame = next(open_video(write_colour_clip(tmp_path / "a.mp4")).frames())
+    alone = frame.bgr()
+    with ThreadPoolExecutor(4) as pool:
+        for bgr in pool.map(lambda _: frame.bgr(), range(400)):
+            np.testing.assert_array_equal(bgr, alone)
 
 
 def write_colour_clip(path, count=4, **options):

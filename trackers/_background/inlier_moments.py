@@ -1,4 +1,4 @@
-"""Samples that lie close together, pixel by pixel: their middle, mean and variance (numba)."""
+"""Samples that lie close together, pixel by pixel: their mean and variance (numba)."""
 
 # mypy: disallow-untyped-decorators=False
 from __future__ import annotations
@@ -47,13 +47,3 @@ def inlier_moments(stack: Bytes, centre: Image, cut: Image, usable: Flags, chann
             mean[y, x] = centre[y, x] + total[x] / seen
             variance[y, x] = (squares[x] - total[x] * total[x] / seen) / max(seen - one, one)
     return mean, variance
-
-
-@kernel(nogil=True)
-def narrow(low: Bytes, high: Bytes, narrowest: Bytes, centre: Image) -> None:
-    """Set width and middle (n,) of the narrowest range so far to those of a range from low to high where it is that."""
-    for k in range(low.size):
-        width = high[k] - low[k]
-        if width < narrowest[k]:
-            narrowest[k] = width
-            centre[k] = (np.float32(low[k]) + np.float32(high[k])) / np.float32(2)

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers._background.inlier_moments import inlier_moments, narrow
+from trackers._background.inlier_moments import inlier_moments
 from trackers._frames.arrays import MAD_TO_SD, QUANTISATION_SD, Box, Bytes, Flags, Image
 
 DENSEST = 0.5  # of the samples: where a body comes by more often, it is taken for background
@@ -103,10 +103,15 @@ def _densest(stack: Bytes) -> tuple[Image, Image]:
     ordered = _sorted(list(stack))
     held = max(2, round(DENSEST * len(ordered)))
     narrowest = np.full(stack.shape[1:], 255, dtype=np.uint8)
-    centre = ordered[len(ordered) // 2].astype(np.float32)
+    lowest, highest = ordered[len(ordered) // 2].copy(), ordered[len(ordered) // 2].copy()
     for low, high in zip(ordered, ordered[held - 1 :], strict=False):
-        narrow(low.ravel(), high.ravel(), narrowest.ravel(), centre.ravel())
-    return centre, narrowest * np.float32(0.74 + 13 / len(ordered))  # to sigma, by trial with normal noise
+        width = cv2.subtract(high, low)
+        narrower = (width < narrowest).view(np.uint8)
+        for source, target in ((width, narrowest), (low, lowest), (high, highest)):
+            cv2.copyTo(source, narrower, target)
+    centre = cv2.addWeighted(lowest, 0.5, highest, 0.5, 0.0, dtype=cv2.CV_32F)
+    # to sigma, by trial with normal noise
+    return np.asarray(centre, dtype=np.float32), narrowest * np.float32(0.74 + 13 / len(ordered))
 
 
 def _settle(centre: Image, sigma: Image, stack: Bytes, usable: Flags) -> None:
