@@ -76,7 +76,7 @@ class Chart:
 
     @property
     def legend(self) -> list[tuple[str, str, str]]:
-        """Name, class and style of each curve and band, each name once; whether the first view lacks it is said."""
+        """Name, class and style of each curve and band, each name once; it tells those that the first view lacks."""
         every = [
             (one.name if _inside(one.x, self).any() else f"{one.name} (outside this view)", one.colour, one.style)
             for one in self.series

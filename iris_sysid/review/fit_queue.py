@@ -31,7 +31,7 @@ class FitOutcome:
     every: int = 1
 
 
-Fitting = Callable[[ReviewState, Callable[[], bool]], Run | None]  # is told by the latter that it may be abandoned
+Fitting = Callable[[ReviewState, Callable[[], bool]], Run | None]  # the latter: whether to abandon it
 Previewing = Callable[[ReviewState], tuple[Run | None, int] | None]
 
 
