@@ -3,7 +3,8 @@
 ``python -m validation.review_waiting`` writes three clips with the track of a pendulum (1080p, 4K, and 30 minutes of
 54,000 frames), starts ``iris-sysid review`` on each in a process of its own and asks for what the page asks for. What
 the browser itself takes is not in it. Each cell is seconds of the clock, then of the processor in brackets: these are
-less disturbed by what else a machine does. The fit of a long clip is a preview first.
+less disturbed by what else a machine does. The fit of a long clip is a preview first, and that of all frames runs in a
+process of its own: memory is that of both.
 """
 
 from __future__ import annotations
@@ -18,9 +19,11 @@ import tempfile
 import time
 import urllib.request
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 import av
@@ -81,6 +84,17 @@ class Server:
         if found is None:
             raise RuntimeError(f"the review of {folder} did not start: {line}")
         self.address, self.token = found.groups()
+        self.of_fit_mb = 0.0
+        Thread(target=self._watch, daemon=True).start()
+
+    def _watch(self) -> None:
+        """Keep the largest memory of a process that fits, which is gone when its fit is done."""
+        tasks = Path(f"/proc/{self.process.pid}/task")
+        while self.process.poll() is None:
+            with suppress(OSError):
+                children = [pid for file in tasks.glob("*/children") for pid in file.read_text("utf-8").split()]
+                self.of_fit_mb = max(self.of_fit_mb, sum(map(_peak_mb, children)))
+            time.sleep(0.1)
 
     def ask(self, path: str, content: Any = None) -> bytes:
         """The answer to a request, with JSON content where it changes something."""
@@ -97,20 +111,23 @@ class Server:
 
     @property
     def processor_s(self) -> float:
-        """Processor time so far."""
+        """Processor time so far, with that of fits in a process of their own that have ended."""
         fields = Path(f"/proc/{self.process.pid}/stat").read_text("utf-8").rpartition(")")[2].split()
-        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+        return sum(map(int, fields[11:15])) / os.sysconf("SC_CLK_TCK")
 
     @property
     def peak_mb(self) -> float:
-        """Largest memory so far."""
-        status = Path(f"/proc/{self.process.pid}/status").read_text("utf-8")
-        return int(status.partition("VmHWM:")[2].split()[0]) / 1024
+        """Largest memory so far, with that of the process that fits all frames."""
+        return _peak_mb(str(self.process.pid)) + self.of_fit_mb
 
     def close(self) -> None:
         """End it."""
         self.process.terminate()
         self.process.communicate(timeout=30)
+
+
+def _peak_mb(pid: str) -> float:
+    return int(Path(f"/proc/{pid}/status").read_text("utf-8").partition("VmHWM:")[2].split()[0]) / 1024
 
 
 def prepare(case: Case, folder: Path) -> Path:

@@ -29,7 +29,7 @@ from iris_sysid.classroom.evidence import (
 )
 from iris_sysid.io.schemas import EstimateEntry, GroupDocument, number
 from iris_sysid.trajectory.consistency.gravity_scale import NEAR_RATE, RATES_HZ, STANDARD_GRAVITY
-from iris_sysid.types import DoubtKind, explained_percent
+from iris_sysid.types import DoubtKind, explained_percent, times_text
 
 CauseKind = Literal[
     "failed", "degrees", "clock", "scale", "tilt", "wrong-body", "constant", "doubtful-track", "another-length",
@@ -346,7 +346,7 @@ def _incomplete(compared: Comparison) -> tuple[Cause, ...]:
     usual = float(np.nanmedian(others)) if np.isfinite(others).any() else math.nan
     if not own > RESIDUAL * max(usual, 1.0):
         return ()
-    said = f"the residual is {own:.2g} times the noise, {usual:.2g} times in the others"
+    said = f"the residual is {times_text(own)} the noise, {times_text(usual)} in the others"
     return (Cause("incomplete", "something acts on its motion that the equation lacks", said),)
 
 

@@ -130,7 +130,7 @@ def _columns(result: ClassResult, others: Sequence[str]) -> list[dict[str, Any]]
 def _row(group: GroupResult, others: Sequence[str], pages: Mapping[str, str]) -> dict[str, Any]:
     verdict = group.document.verdict
     word = "" if verdict is None else SPOKEN[verdict.word]
-    distance = typeset(f"{group.in_errors:+.{0 if abs(group.in_errors) > FAR else 1}f}")
+    distance = typeset(f"{group.in_errors:+z.{0 if abs(group.in_errors) > FAR else 1}f}")
     cells = [
         {"text": group.name, "key": group.name, "link": pages.get(group.name, "")},
         _number(group.value),

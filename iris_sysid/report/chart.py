@@ -76,8 +76,11 @@ class Chart:
 
     @property
     def legend(self) -> list[tuple[str, str, str]]:
-        """Name, class and style of each curve and band, each name once."""
-        every = [(one.name, one.colour, one.style) for one in self.series]
+        """Name, class and style of each curve and band, each name once; it tells those that the first view lacks."""
+        every = [
+            (one.name if _inside(one.x, self).any() else f"{one.name} (outside this view)", one.colour, one.style)
+            for one in self.series
+        ]
         return list(dict.fromkeys([*every, *((band.name, band.colour, "band") for band in self.bands)]))
 
     def document(self) -> dict[str, Any]:

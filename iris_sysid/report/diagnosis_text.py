@@ -29,6 +29,7 @@ from iris_sysid.types import (
     EffectCause,
     Estimate,
     Finding,
+    times_text,
 )
 
 SMALLEST_SHARE = 0.03  # of a part of the residual that the sentence mentions
@@ -249,7 +250,7 @@ def _indistinguishable_sentence(diagnosis: Diagnosis) -> str:
 
 def _remaining_sentence(diagnosis: Diagnosis) -> str:
     subject = "The model is still incomplete: the residual is" if diagnosis.incomplete else "The remaining residual is"
-    return f"{subject} {diagnosis.residual_ratio:.2g} times the noise."
+    return f"{subject} {times_text(diagnosis.residual_ratio)} the noise."
 
 
 def _nothing_added_sentence(diagnosis: Diagnosis) -> str:

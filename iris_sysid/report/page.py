@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from importlib.resources import files
+from itertools import accumulate
 from typing import Any
 
 import jinja2
@@ -28,6 +29,7 @@ from iris_sysid.report.text import (
     interval_text,
     number_lines,
     shown_estimates,
+    shown_unit,
     table_names,
     with_error,
 )
@@ -35,6 +37,7 @@ from iris_sysid.report.typeset import symbol_html, typeset
 from iris_sysid.types import Estimate, FitResult, OdeModel, Verdict
 
 DPI = 130
+THINNEST = 0.4  # percent of a bar: a part of it is seen
 ASSETS = files("iris_sysid") / "report" / "assets"
 
 
@@ -95,9 +98,15 @@ class KeyValue:
     estimate: Estimate
 
     @property
-    def text(self) -> str:
-        """Value, standard error and unit."""
-        return with_error(self.estimate)
+    def number(self) -> str:
+        """Value and standard error."""
+        return with_error(self.estimate).removesuffix(self.unit).strip()
+
+    @property
+    def unit(self) -> str:
+        """Its unit; empty where it has none, or the value is not determined."""
+        unit = shown_unit(self.estimate.unit)[0]
+        return unit if with_error(self.estimate).endswith(f" {unit}") else ""
 
     @property
     def interval(self) -> str:
@@ -111,6 +120,16 @@ class Bar:
 
     title: str
     parts: Sequence[tuple[str, float, str]]
+
+    @property
+    def drawn(self) -> list[tuple[str, float, float]]:
+        """Class of the colour, begin and width of each part, percent of the bar; a small one is widened to be seen."""
+        widths = [max(percent, THINNEST) for _, percent, _ in self.parts]
+        begins = (end - width for end, width in zip(accumulate(widths), widths, strict=True))
+        return [
+            (colour, round(begin, 2), round(width, 2))
+            for (_, _, colour), begin, width in zip(self.parts, begins, widths, strict=True)
+        ]
 
 
 @dataclass(frozen=True, slots=True)

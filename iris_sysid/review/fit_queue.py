@@ -1,4 +1,7 @@
-"""Fits that follow the edits: a quick one of a long clip first, then that of all frames; the newest state first."""
+"""Fits that follow the edits: a quick one of a long clip first, then that of all frames; the newest state first.
+
+Nothing is fitted before an outcome is asked for: what a page shows first need not share the processor with it.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,7 @@ from enum import Enum
 from threading import Condition, Thread
 
 from iris_sysid.errors import IrisError
+from iris_sysid.review.fit_process import AbandonedError
 from iris_sysid.review.history import ReviewState
 from iris_sysid.types import Run
 
@@ -27,7 +31,7 @@ class FitOutcome:
     every: int = 1
 
 
-Fitting = Callable[[ReviewState], Run | None]
+Fitting = Callable[[ReviewState, Callable[[], bool]], Run | None]  # the latter: whether to abandon it
 Previewing = Callable[[ReviewState], tuple[Run | None, int] | None]
 
 
@@ -56,17 +60,16 @@ class FitQueue:
         self.before: FitOutcome | None = None
         self.opened: FitOutcome | None = None
         self._compute, self._preview = compute, preview
-        self._wanted: dict[FitStage, tuple[int, ReviewState]] = {}
+        self._wanted: dict[FitStage, list[tuple[int, ReviewState]]] = {stage: [] for stage in FitStage}
         self._changed = Condition()
-        self._closed = False
-        for stage in FitStage:
-            Thread(target=self._work, args=(stage,), name=stage.value, daemon=True).start()
+        self._first = self._newest = 0
+        self._closed = self._begun = False
 
     def ask(self, version: int, state: ReviewState) -> None:
         """Have the ``state`` of that ``version`` fitted next."""
         with self._changed:
-            self._wanted[FitStage.PREVIEW] = (version, state)
-            self._changed.notify_all()
+            self._first, self._newest = self._first or version, version
+            self._want(FitStage.PREVIEW, version, state)
 
     def outcome(self, version: int, timeout_s: float, *, whole: bool = False) -> FitOutcome | None:
         """The outcome of that version or of a later one; None where it takes longer than ``timeout_s``.
@@ -74,11 +77,15 @@ class FitQueue:
         ``whole`` waits for the fit of all frames where there is a preview.
         """
         with self._changed:
+            if not self._begun:
+                self._begun = True
+                for stage in FitStage:
+                    Thread(target=self._work, args=(stage,), name=stage.value, daemon=True).start()
             self._changed.wait_for(lambda: self._is_done(version, whole), timeout_s)
             return self.latest if self._is_done(version, whole) else None
 
     def close(self) -> None:
-        """End the threads after the fits that they are at."""
+        """End the threads after the fits that they are at; one that can be abandoned is."""
         with self._changed:
             self._closed = True
             self._changed.notify_all()
@@ -87,21 +94,29 @@ class FitQueue:
         latest = self.latest
         return latest is not None and latest.version >= version and not (whole and latest.every > 1)
 
+    def _is_old(self, version: int) -> bool:
+        """Whether nobody waits for the fit of all frames of that version; the first is what later ones are beside."""
+        return self._closed or (version < self._newest and self.opened is not None)
+
+    def _want(self, stage: FitStage, version: int, state: ReviewState) -> None:
+        """Have that fitted next; of those that wait only the first of all is kept: later ones are shown beside it."""
+        self._wanted[stage] = [*(one for one in self._wanted[stage] if one[0] == self._first), (version, state)]
+        self._changed.notify_all()
+
     def _work(self, stage: FitStage) -> None:
         fit = self._previewed if stage is FitStage.PREVIEW else self._fitted
         while True:
             with self._changed:
-                self._changed.wait_for(lambda: self._closed or stage in self._wanted)
+                self._changed.wait_for(lambda: self._closed or self._wanted[stage])
                 if self._closed:
                     return
-                version, state = self._wanted.pop(stage)
+                version, state = self._wanted[stage].pop(0)
             outcome = fit(version, state)
             with self._changed:
                 if outcome is not None:
                     self._take(outcome)
                 if stage is FitStage.PREVIEW:
-                    self._wanted[FitStage.WHOLE] = (version, state)
-                    self._changed.notify_all()
+                    self._want(FitStage.WHOLE, version, state)
 
     def _take(self, outcome: FitOutcome) -> None:
         """Publish an outcome, unless it is out of date: of an older version, or a preview of what is fitted already."""
@@ -129,10 +144,13 @@ class FitQueue:
         run, every = found
         return FitOutcome(version, run, "", time.perf_counter() - start, every)
 
-    def _fitted(self, version: int, state: ReviewState) -> FitOutcome:
+    def _fitted(self, version: int, state: ReviewState) -> FitOutcome | None:
+        """The fit of all frames; None where it was abandoned."""
         start = time.perf_counter()
         try:
-            run = self._compute(state)
+            run = self._compute(state, lambda: self._is_old(version))
+        except AbandonedError:
+            return None
         except IrisError as error:
             return FitOutcome(version, None, str(error), time.perf_counter() - start)
         except Exception as error:  # a fit must not end the thread that fits: the page shows what happened

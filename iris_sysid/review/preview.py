@@ -10,7 +10,7 @@ import numpy as np
 
 from iris_sysid.types import Track
 
-MAX_FRAMES = 2000  # a fit of these takes a fraction of a second
+MAX_FRAMES = 400  # a fit of these takes about half a second
 POWER = 0.99  # of the motion, that lies below the highest frequency that has to be shown
 PER_PERIOD = 8  # samples of the highest frequency
 PER_FRAME = (

@@ -634,8 +634,7 @@ function showFit() {
 
 function rowOf(value) {
   const row = document.createElement("tr");
-  const cells = [value.name.replaceAll("_", " "), value.opened, value.before, value.now].map((text) => text.replaceAll("-", "\u2212"));
-  cells[0] = value.name.replaceAll("_", " ");
+  const cells = [value.name.replaceAll("_", " "), value.opened, value.before, value.now];
   cells.forEach((text, k) => {
     const cell = document.createElement(k ? "td" : "th");
     cell.textContent = text;
@@ -1138,6 +1137,7 @@ export function open(into, element, asked) {
 async function start() {
   clip = await ask("/api/clip");
   $("frame").max = Math.max(0, clip.frames - 1);
+  $("stage").style.setProperty("--shape", `${clip.width} / ${clip.height}`);
   chooseTool("point");
   listen();
   wholeFrame();

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import count
 from pathlib import Path
 from threading import RLock, Thread
@@ -21,6 +21,7 @@ from iris_sysid.io.csv_write import write_track
 from iris_sysid.io.files import sha256_of
 from iris_sysid.review.corrected_tracks import Tracks, edited_mask, empty_track, passes
 from iris_sysid.review.edits import BoardCorners, Edit, ScaleBar, Tracked
+from iris_sysid.review.fit_process import fitted_apart
 from iris_sysid.review.fit_queue import FitOutcome, FitQueue
 from iris_sysid.review.history import History, ReviewState
 from iris_sysid.review.log import LOG_NAME, Entry, LogWriter
@@ -29,6 +30,8 @@ from iris_sysid.review.request import ReviewRequest
 from iris_sysid.types import Run, Track, TrackMark, TrackOptions
 from iris_sysid.video.frame_access import FrameAccess
 from iris_sysid.video.reader import Video, open_video
+
+LONG = 5000  # frames; the fit of as many takes about as long as a process needs to start
 
 
 class BehindError(IrisError):
@@ -200,9 +203,18 @@ class Session:
 
     # ----------------------------------------------------------------------- fit
 
-    def _run_of(self, state: ReviewState) -> Run | None:
-        """The run of a state; None where no phenomenon was chosen, or nothing tracked."""
-        return self._fitted(state.request, self._bodies(state))
+    def _run_of(self, state: ReviewState, is_old: Callable[[], bool]) -> Run | None:
+        """The run of a state; None where no phenomenon was chosen, or nothing tracked. That of a long clip ends early.
+
+        AbandonedError when ``is_old`` said so.
+        """
+        bodies = self._bodies(state)
+        fit = self._fit_of(state.request, bodies)
+        if fit is None:
+            return None
+        if bodies[0].t_s.size < LONG:
+            return fit(self._whole_video)
+        return fitted_apart(fit, self._whole_video, is_old)
 
     def _preview_of(self, state: ReviewState) -> tuple[Run | None, int] | None:
         """The run of some frames of a long clip, and of how many each is one; None where all are as quick."""
@@ -210,20 +222,21 @@ class Session:
         if not bodies or bodies[0].t_s.size <= MAX_FRAMES:
             return None
         some, every = thinned(bodies)
-        return self._fitted(state.request, some), max(every, 2)
+        fit = self._fit_of(state.request, some)
+        return fit and fit(self._whole_video), max(every, 2)
 
     def _bodies(self, state: ReviewState) -> list[Track]:
         """The tracks that are fitted; none where no phenomenon was chosen."""
         phenomenon = state.request.phenomenon
         return [] if phenomenon is None else self.with_origin(state)[: max(1, phenomenon.bodies)]
 
-    def _fitted(self, request: ReviewRequest, bodies: Sequence[Track]) -> Run | None:
+    def _fit_of(self, request: ReviewRequest, bodies: Sequence[Track]) -> Callable[[Video], Run] | None:
         if request.phenomenon is None or not bodies:
             return None
-        return pipeline.run_tracked(
-            self._whole_video,
-            bodies,
-            request.phenomenon,
+        return partial(
+            pipeline.run_tracked,
+            tracks=bodies,
+            phenomenon=request.phenomenon,
             source=self.clip,
             calibration=request.calibration,
             settings=request.settings,

@@ -14,6 +14,7 @@ from iris_sysid.io.json_documents import read_document
 from iris_sysid.io.schemas import DiagnosisDocument
 from iris_sysid.registry import PHENOMENA
 from iris_sysid.report.text import shown_estimates, shown_unit, verdict_lines, with_error
+from iris_sysid.report.typeset import typeset
 from iris_sysid.review.corrected_tracks import edited_mask, in_frame_px
 from iris_sysid.review.doubtful_frames import questions_of
 from iris_sysid.review.fit_queue import FitOutcome
@@ -74,7 +75,7 @@ def fit_view(session: Session, outcome: FitOutcome) -> dict[str, Any]:
         "problem": outcome.problem,
         "seconds": round(outcome.seconds, 3),
         "preview": outcome.every > 1,
-        "verdict": [] if fit is None else verdict_lines(fit.verdict),
+        "verdict": [] if fit is None else _verdict_text(fit),
         "word": "" if fit is None else fit.verdict.word,
         "equation": "" if fit is None else fit.model.equation,
         "values": [] if fit is None else _values(fit, session.fits.before, session.fits.opened),
@@ -87,7 +88,7 @@ def fit_view(session: Session, outcome: FitOutcome) -> dict[str, Any]:
                 "frame": question.frame,
                 "first": question.first,
                 "last": question.last,
-                "reason": "; ".join(question.reasons),
+                "reason": typeset("; ".join(question.reasons)),
                 "doubts": list(question.doubts),
                 "answered": question.answered,
             }
@@ -134,7 +135,7 @@ def _request(request: ReviewRequest) -> dict[str, Any]:
         "phenomenon": None if phenomenon is None else phenomenon.name,
         "bodies": 1 if phenomenon is None else phenomenon.bodies,
         "tracker": request.tracker,
-        "scale": None if calibration is None else f"{with_error(calibration.scale)} ({calibration.source})",
+        "scale": None if calibration is None else f"{typeset(with_error(calibration.scale))} ({calibration.source})",
         "marks": {name: list(at) for name, at in geometry.marks_px.items()},
         "plumb": geometry.plumb_px,
         "roi": request.tracking.roi,
@@ -151,7 +152,7 @@ def _values(fit: FitResult, before: FitOutcome | None, opened: FitOutcome | None
     return [
         {
             "name": name,
-            "now": with_error(estimate),
+            "now": typeset(with_error(estimate)),
             "before": earlier[0].get(name, ""),
             "opened": earlier[1].get(name, ""),
             "main": name not in initial and estimate.measurement_type in ("fitted", "derived"),
@@ -164,11 +165,15 @@ def _values(fit: FitResult, before: FitOutcome | None, opened: FitOutcome | None
 def _texts(outcome: FitOutcome | None) -> dict[str, str]:
     if outcome is None or outcome.run is None:
         return {}
-    return {name: with_error(estimate) for name, estimate in shown_estimates(outcome.run.fit).items()}
+    return {name: typeset(with_error(estimate)) for name, estimate in shown_estimates(outcome.run.fit).items()}
 
 
 def _verdict_of(outcome: FitOutcome | None) -> list[str]:
-    return [] if outcome is None or outcome.run is None else verdict_lines(outcome.run.fit.verdict)
+    return [] if outcome is None or outcome.run is None else _verdict_text(outcome.run.fit)
+
+
+def _verdict_text(fit: FitResult) -> list[str]:
+    return [typeset(line) for line in verdict_lines(fit.verdict)]
 
 
 def _curves(run: Run) -> list[dict[str, Any]]:
@@ -182,7 +187,7 @@ def _curves(run: Run) -> list[dict[str, Any]]:
         curves.append(
             {
                 "name": quantity.name,
-                "unit": unit,
+                "unit": typeset(unit),
                 "t": _numbers(trajectory.t_s, 6),
                 "data": _significant(factor * np.where(trajectory.valid, data, np.nan)),
                 "left_out": _significant(factor * np.where(trajectory.valid, np.nan, data)),
@@ -204,6 +209,8 @@ def _segments(run: Run) -> list[dict[str, Any]]:
 def _numbers(values: Array, digits: int) -> list[float | None]:
     """The values (n,), in their unit, rounded to so many decimal digits; null for what is not finite."""
     rounded = np.round(np.asarray(values, dtype=np.float64), digits)
+    if np.isfinite(rounded).all():
+        return rounded.tolist()  # ten times as fast
     return [value if math.isfinite(value) else None for value in rounded.tolist()]
 
 

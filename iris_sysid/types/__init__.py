@@ -126,6 +126,7 @@ from iris_sysid.types._verdict import FitReason as FitReason
 from iris_sysid.types._verdict import Verdict as Verdict
 from iris_sysid.types._verdict import VerdictWord as VerdictWord
 from iris_sysid.types._verdict import explained_percent as explained_percent
+from iris_sysid.types._verdict import times_text as times_text
 from iris_sysid.types._verdict import worst_verdict as worst_verdict
 from iris_sysid.types._view import FOCAL_PER_WIDTH as FOCAL_PER_WIDTH
 from iris_sysid.types._view import PivotSource as PivotSource

@@ -13,7 +13,7 @@ from iris_sysid.types._display import Shown, text_of, values_of
 from iris_sysid.types._model import Effect, EffectCause
 from iris_sysid.types._numbers import Estimate
 from iris_sysid.types._result import FitResult
-from iris_sysid.types._verdict import Completeness, Doubt, Verdict, VerdictWord, worst_verdict
+from iris_sysid.types._verdict import Completeness, Doubt, Verdict, VerdictWord, times_text, worst_verdict
 
 UNEXPLAINED = 2.0  # residual / noise above which the model is incomplete: the noise estimate errs by less
 NAMED = 0.9  # probability of an added effect below which another one may act instead
@@ -187,7 +187,7 @@ class Diagnosis(Shown):
         if not self.incomplete and self._lacking is None:
             equation = fits.equation and replace(fits.equation, residual_over_noise=self.residual_ratio)
             return Verdict(word, (*fits.reasons, *unsure), equation, fits.accuracy)
-        finding = f"the residual is {self.residual_ratio:.2g} times the noise"  # said once, not of each fit as well
+        finding = f"the residual is {times_text(self.residual_ratio)} the noise"  # said once, not of each fit as well
         reasons = (*fits.number_reasons, *unsure, Doubt("incomplete", finding, INCOMPLETE))
         return Verdict(word, reasons, self._incomplete_equation(fits.equation), fits.accuracy)
 

@@ -71,8 +71,9 @@ def _portable(value: Any) -> Any:
 def _by_value(function: FunctionType) -> _Call:
     from numba import cloudpickle
 
-    if function.__module__.startswith(OWN_FILE):  # with the functions of the same file that it calls
-        cloudpickle.register_pickle_by_value(sys.modules[function.__module__])
+    own = sys.modules.get(function.__module__)  # None where it came by value itself: it is sent on alike
+    if own is not None and function.__module__.startswith(OWN_FILE):  # with the functions of its file that it calls
+        cloudpickle.register_pickle_by_value(own)
     return _Call(_function_of, (cloudpickle.dumps(function),))
 
 

@@ -10,6 +10,7 @@ from iris_sysid.types._clip import FrameSource, Track, TrackOptions
 from iris_sysid.types._display import text_of
 from iris_sysid.types._motion import MotionKind, Trajectory
 from iris_sysid.types._numbers import Estimate
+from iris_sysid.types._pickling import Portable
 from iris_sysid.types._result import FitResult
 
 
@@ -60,7 +61,7 @@ class BenchmarkClass:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Phenomenon:
+class Phenomenon(Portable):
     """One row of the benchmark: which tracker, how positions become the observable, which model.
 
     ``observe(world, settings)`` turns trajectories of x and z (one a body, segmented) into the one

@@ -73,6 +73,11 @@ def explained_percent(share: float) -> str:
     return f"{100 - lacking:.{max(0, -math.floor(math.log10(lacking)))}f} %"
 
 
+def times_text(ratio: float) -> str:
+    """A ratio with two digits, written out: "1.4 times", "210 times"."""
+    return f"{float(f'{ratio:.2g}'):.15g} times"
+
+
 @dataclass(frozen=True, slots=True)
 class Completeness:
     """How much of the motion an equation explains.
@@ -93,7 +98,7 @@ class Completeness:
         """Whether it is complete, what it explains, and what the residual is, in one line."""
         clauses = [
             f"it explains {explained_percent(self.explained)} of the motion" if math.isfinite(self.explained) else "",
-            f"the residual is {self.residual_over_noise:.2g} times the noise"
+            f"the residual is {times_text(self.residual_over_noise)} the noise"
             if math.isfinite(self.residual_over_noise)
             else "",
             self.rest,

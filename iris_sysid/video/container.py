@@ -349,8 +349,7 @@ def _even(source: ContainerSource, rates: Sequence[Fraction | None]) -> EvenTime
 
 def _seconds(stamp: int | Fraction, time_base: Fraction) -> float:
     """The stamp in s: one division of whole numbers, so the nearest float to the exact time."""
-    exact = stamp * time_base
-    return exact.numerator / exact.denominator
+    return stamp.numerator * time_base.numerator / (stamp.denominator * time_base.denominator)
 
 
 def _rotation_note(image: av.VideoFrame) -> str:

@@ -135,3 +135,12 @@ def test_group_without_a_value_is_a_row_with_the_reason():
     documents = [document("a", 0.5), document("b", 0.501), failed]
     text = page_text(summary_of(documents, ["groups/a/report.html", "groups/b/report.html", ""]), "class")
     assert "<strong>g9</strong>: no value: no body moves" in text
+
+
+def test_value_just_below_that_of_the_others_has_no_negative_zero():
+    lengths = [0.499, 0.4995, 0.49999, 0.5, 0.5005, 0.501]
+    result = summary_of([document(str(k), length) for k, length in enumerate(lengths)], [""] * len(lengths))
+    assert min(abs(group.in_errors) for group in result.groups if group.in_errors < 0) < 0.05
+    text = page_text(result, "class")
+    assert "+0.0" in text
+    assert "−0.0" not in text

@@ -1,5 +1,6 @@
 """Charts as SVG and as data, the words on a residual, and text as a reader expects it."""
 
+import math
 import re
 from dataclasses import replace
 
@@ -9,10 +10,11 @@ import pytest
 from iris_sysid import MODELS, fit
 from iris_sysid.registry import EFFECTS
 from iris_sysid.report.chart import Band, Chart, ChartMark, Series
+from iris_sysid.report.page import Bar, KeyValue
 from iris_sysid.report.residual_charts import motion_chart, residual_chart
 from iris_sysid.report.residual_words import residual_words
 from iris_sysid.report.typeset import name_with_symbol, symbol_html, typeset
-from iris_sysid.types import Quantity, Segment, Trajectory
+from iris_sysid.types import Estimate, Quantity, Segment, Trajectory
 
 NAN = float("nan")
 
@@ -53,6 +55,32 @@ def test_text_is_set_as_it_is_read(plain, read):
 )
 def test_symbol_is_set_in_html(latex, html):
     assert str(symbol_html(latex)) == html
+
+
+@pytest.mark.parametrize(
+    ("stderr", "unit", "number", "shown"),
+    [
+        (0.01, "1/rad", "0.120 ± 0.010", "1/rad"),
+        (0.01, "rad", "6.88 ± 0.57", "°"),
+        (0.01, "1", "0.120 ± 0.010", ""),
+        (math.inf, "m", "undetermined", ""),
+    ],
+)
+def test_unit_of_a_large_number_is_apart_from_it(stderr, unit, number, shown):
+    value = KeyValue("drag", "c", Estimate(0.12, stderr, unit, "fitted", "fit"))
+    assert (value.number, value.unit) == (number, shown)
+
+
+def test_small_part_of_a_bar_is_seen_beside_the_others():
+    bar = Bar("residual", [("drag", 30.0, "force"), ("reading", 0.01, "reading"), ("noise", 69.99, "noise")])
+    assert bar.drawn == [("force", 0.0, 30.0), ("reading", 30.0, 0.4), ("noise", 30.4, 69.99)]
+
+
+def test_legend_says_what_the_first_view_lacks():
+    t_s = np.linspace(0, 1, 11)
+    series = [Series("hand", t_s[:3], t_s[:3], "input"), Series("motion", t_s[3:], t_s[3:], "body-1")]
+    chart = Chart("motion-0", "Motion.", "time (s)", "x (m)", series, reach=(0.25, 1.0))
+    assert [name for name, *_ in chart.legend] == ["hand (outside this view)", "motion"]
 
 
 def test_every_symbol_of_the_library_can_be_set():

@@ -115,6 +115,19 @@ def test_everything_goes_by_keys(project, driver):
 
 
 @pytest.mark.slow
+def test_stage_of_a_phone_has_the_shape_of_the_clip(project, driver):
+    size = {"width": 390, "height": 844, "deviceScaleFactor": 1, "mobile": True}
+    driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    with served(project / "out") as address:
+        driver.get(address)
+        screen = Screen(driver, None)
+        screen.until(lambda: screen.text("where").startswith("frame 0 of 120"))
+        stage = screen.find("stage").rect
+        assert stage["width"] > 340
+        assert stage["width"] / stage["height"] == pytest.approx(320 / 180, rel=0.02)
+
+
+@pytest.mark.slow
 def test_board_is_marked_by_its_corners_and_what_is_no_body_by_a_click(project, driver):
     (track,) = read_track(project / "out" / "track.csv")
     with served(project / "out") as address:

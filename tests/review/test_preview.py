@@ -1,10 +1,12 @@
 """The quick fit of a long clip, and the two stages of a fit."""
 
 import threading
+import time
 
 import numpy as np
 import pytest
 
+from iris_sysid.review.fit_process import AbandonedError
 from iris_sysid.review.fit_queue import FitQueue
 from iris_sysid.review.preview import MAX_FRAMES, thinned
 from iris_sysid.types import Track
@@ -50,7 +52,7 @@ def test_gaps_and_a_body_that_was_never_found_are_no_trouble():
 def test_preview_is_shown_until_all_frames_are_fitted():
     release = threading.Event()
 
-    def whole(state):
+    def whole(state, is_old):
         release.wait(20)
         return f"all of {state}"
 
@@ -68,7 +70,7 @@ def test_preview_is_shown_until_all_frames_are_fitted():
 def test_fit_that_an_edit_has_made_old_is_what_was_before():
     started, release = threading.Event(), threading.Event()
 
-    def whole(state):
+    def whole(state, is_old):
         started.set()
         release.wait(20)
         return f"all of {state}"
@@ -86,7 +88,7 @@ def test_fit_that_an_edit_has_made_old_is_what_was_before():
 
 
 def test_problem_is_that_of_the_fit_of_all_frames():
-    def fails(state):
+    def fails(*state):
         raise RuntimeError("no fit")
 
     queue = FitQueue(fails, fails)
@@ -94,4 +96,47 @@ def test_problem_is_that_of_the_fit_of_all_frames():
     outcome = queue.outcome(1, 20)
     assert (outcome.run, outcome.every) == (None, 1)
     assert "no fit" in outcome.problem
+    queue.close()
+
+
+def test_nothing_is_fitted_before_an_outcome_is_asked_for():
+    asked = []
+    queue = FitQueue(lambda state, is_old: asked.append(state), lambda state: None)
+    queue.ask(1, "one")
+    time.sleep(0.1)
+    assert asked == []
+    assert queue.outcome(1, 20).version == 1
+    assert asked == ["one"]
+    queue.close()
+
+
+def test_first_state_is_fitted_even_if_an_edit_comes_before_its_outcome_is_asked_for():
+    queue = FitQueue(lambda state, is_old: f"all of {state}", lambda state: None)
+    for version, state in enumerate(("one", "two", "three"), start=1):
+        queue.ask(version, state)
+    assert queue.outcome(3, 20, whole=True).run == "all of three"
+    assert (queue.opened.run, queue.before.run) == ("all of one", "all of one")
+    queue.close()
+
+
+def test_fit_of_all_frames_is_abandoned_for_a_newer_state_but_not_the_first():
+    began = []
+
+    def whole(state, is_old):
+        began.append(state)
+        stop = time.monotonic() + (0.3 if state == "one" else 20)
+        while time.monotonic() < stop and state != "three":
+            if is_old():
+                raise AbandonedError
+            time.sleep(0.01)
+        return f"all of {state}"
+
+    queue = FitQueue(whole, lambda state: (f"some of {state}", 18))
+    for version, state in enumerate(("one", "two", "three"), start=1):
+        queue.ask(version, state)
+        queue.outcome(version, 20)
+        while state not in began:
+            time.sleep(0.01)
+    last = queue.outcome(3, 20, whole=True)
+    assert (last.run, queue.opened.run, queue.before.run) == ("all of three", "all of one", "some of two")
     queue.close()

@@ -8,7 +8,7 @@ import pytest
 from iris_sysid import MODELS, Doubt, Trajectory, Verdict, diagnose, fit
 from iris_sysid.io.json_documents import write_fit
 from iris_sysid.types import Completeness, worst_verdict
-from iris_sysid.types._verdict import explained_percent
+from iris_sysid.types._verdict import explained_percent, times_text
 from tests._documents import read_fit
 
 PENDULUM = MODELS["pendulum"]
@@ -82,6 +82,13 @@ def test_phenomenon_of_another_name_is_doubtful_and_its_equation_incomplete():
 )
 def test_share_of_the_motion_keeps_the_digits_of_what_lacks(share, text):
     assert explained_percent(share) == text
+
+
+@pytest.mark.parametrize(
+    ("ratio", "text"), [(1.42, "1.4 times"), (2.0, "2 times"), (213.2, "210 times"), (4e6, "4000000 times")]
+)
+def test_ratio_is_written_out_with_two_digits(ratio, text):
+    assert times_text(ratio) == text
 
 
 def test_verdict_on_what_the_data_do_not_determine_is_doubtful():
