@@ -3,9 +3,10 @@
 ``python -m validation.driven [--only emps] [--sealed] [--seconds 300]`` needs the recordings in ``../shared/data``. The
 model of each rig has a known input and viscous friction; dry friction and an offset of the force are for the diagnosis
 to find, and in one row the viscous friction as well. Each row gives the values found, those published, and the error of
-a free simulation of the record by both, and by a linear model of the same order that was fitted to it. Some of the arms
-are sealed by a hash of the name (:func:`validation.world_recordings.sealed`): they are scored with ``--sealed``. The
-linear drive was in view.
+a free simulation of the record by both, and by a linear model of the same order that was fitted to it. The record of an
+arm ends where it first comes near its upper rest. Some of the arms are sealed by a hash of the name
+(:func:`validation.world_recordings.sealed`): they are scored with ``--sealed``. The linear drive was in view; all arms
+have been since :mod:`validation.driven_arm`.
 """
 
 from __future__ import annotations
