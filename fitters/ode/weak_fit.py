@@ -175,14 +175,17 @@ class _WeakForm:
 
 
 def _left_out(jacobian: Array, residual: Array) -> Array:
-    """Residual (w, q) of each block of windows by a fit without it, to first order in the values: (1 - H)^-1 r."""
+    """Residual (w, q) of each block of windows by a fit without it, to first order in the values.
+
+    (1 - J A^-1 J')^-1 r = r + J (A - J'J)^-1 J' r for the rows J of a block and the information A of all.
+    """
     flat = jacobian.reshape(residual.size, -1)
-    inverse = np.linalg.pinv(flat.T @ flat)
+    information = flat.T @ flat
     parts = []
     for rows, values in zip(np.array_split(jacobian, BLOCKS), np.array_split(residual, BLOCKS), strict=True):
         block = rows.reshape(values.size, -1)
-        hat = block @ inverse @ block.T
-        parts.append(np.linalg.lstsq(np.eye(values.size) - hat, values.ravel(), rcond=None)[0].reshape(values.shape))
+        step = np.linalg.pinv(information - block.T @ block, hermitian=True) @ (block.T @ values.ravel())
+        parts.append(values + (block @ step).reshape(values.shape))
     return np.concatenate(parts)
 
 
