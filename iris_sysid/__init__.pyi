@@ -3,6 +3,8 @@
 from fitters.compose_effects import with_effects as with_effects
 from fitters.ode.identifiability import identifiability as identifiability
 from fitters.ode.lmfit_minimizer import lmfit_minimizer as lmfit_minimizer
+from fitters.ode.posterior import PosteriorSample as PosteriorSample
+from fitters.ode.posterior import sample_posterior as sample_posterior
 from fitters.ode.prediction import predict as predict
 from fitters.ode.request import FitOptions as FitOptions
 from fitters.ode.several_clips import fit_clips as fit_clips

@@ -5,6 +5,9 @@ them there. ``--look`` opens the test records as well: a line of ``validation/re
 look, with the hash of the record and of the frozen models. The structure of each physical model was found on the
 estimation record alone; the tanks are the exception: their test record was scored before looks were counted.
 
+The linear drive and the arms of :mod:`validation.driven` have no test record: all is fitted, and the last cell but one
+is the error with their authors' values.
+
 Each error is the root mean square of a free simulation. Windows are those of the benchmarks: the first samples are not
 scored. The coupled drives' test follows the estimation record, so the simulation of that one gives the initial state.
 """
@@ -16,17 +19,32 @@ import re
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import islice
+from functools import partial
+from itertools import groupby, islice
 from pathlib import Path
 
 import numpy as np
 
+from fitters.ode import FitRequest
+from fitters.ode.weak_fit import weak_fit
 from fitters.validation_record import validate_model
-from iris_sysid import FitOptions, FitResult, OdeModel, Quantity, Trajectory, fit, model_from_equation, simulate
+from iris_sysid import (
+    FitOptions,
+    FitResult,
+    OdeModel,
+    Quantity,
+    Trajectory,
+    fit,
+    model_from_equation,
+    simulate,
+    smooth,
+    with_effects,
+)
 from iris_sysid.io.files import sha256_of
 from iris_sysid.io.sealed_record import counted, log_look, model_hash
 from iris_sysid.types import Array
 from validation.black_boxes import linear, narx, sindy_with_inputs
+from validation.driven import NAMED, RIGS, Rig, dry_turnover, published_fit
 from validation.pages import RESULTS, add_option, table
 from validation.world_tables import WORLD
 
@@ -34,6 +52,7 @@ LOG = RESULTS / "driven-looks.jsonl"
 TANKS = WORLD.parent / "cascaded_tanks" / "tanque.csv"
 DRIVES = WORLD / "tab-coupled-drives" / "DATAUNIF.csv"
 DRIVES_END = 400  # samples of the estimation record
+CHATTERS = ("arm-frequency-sweep",)  # at the sampling rate, for 100 s: see validation.driven_arm
 REAL_TANKS = "examples/two_tanks.py:real_tanks"
 
 # Motors (speed w) with viscous friction and an offset of their voltage; a pulley (speed p) on a springy belt, with dry
@@ -54,16 +73,21 @@ class Frozen:
 
 @dataclass(frozen=True, slots=True)
 class Benchmark:
-    """Records of one file that are fitted together; ``rows`` reads (t_s, u, y) of a part of it, one a record."""
+    """Records of one file that are fitted together; ``part`` reads the estimation or the test records.
+
+    ``file`` is None where there is no test record. ``others`` are the best errors published, one a record, or give the
+    error of the authors' values. Benchmarks of one ``table`` stand in it together.
+    """
 
     name: str
-    file: Path
+    file: Path | None
     records: tuple[str, ...]
     part: Callable[[bool], list[Trajectory]]
     fitted: Callable[[Sequence[Trajectory]], Frozen]
     windows: tuple[int, ...]
     continues: bool
-    others: tuple[str, ...]
+    others: tuple[str, ...] | Callable[[Trajectory], float]
+    table: str
 
 
 def held_record(begin_s: float, step_s: float, u: Array, y: Array, names: tuple[Quantity, Quantity]) -> Trajectory:
@@ -131,10 +155,40 @@ def values_of(fitted: FitResult, model: OdeModel) -> dict[str, float]:
     return {parameter.name: fitted.estimates[parameter.name].value for parameter in model.parameters}
 
 
+def fitted_rig(rig: Rig, records: Sequence[Trajectory]) -> Frozen:
+    """A rig with dry friction and an offset of its force; the weak form gives the start."""
+    (record,) = records
+    model = with_effects(rig.model, NAMED)
+    fixed = {**rig.fixed, "coulomb_turnover": dry_turnover(record)}
+    weak = weak_fit(FitRequest(smooth(record), model, fixed))
+    start = {} if weak is None else {name: weak.values[name] for name in weak.stderr}
+    found = fit(record, model, fixed=fixed, start=start, options=FitOptions(discrepancy=False))
+    initial = {name: found.estimates[name].value for name in model.initial_names}
+    return Frozen(model, found, [{**values_of(found, model), **initial}])
+
+
+def rig_records(rig: Rig, test: bool) -> list[Trajectory]:
+    """The record of a rig; there is none for a test."""
+    return [] if test else [rig.read()]
+
+
 BENCHMARKS = [
-    Benchmark("coupled drives", DRIVES, ("u11", "u12"), drives, fitted_drives, (10, 4), True, ("0.100", "0.089")),
-    Benchmark("cascaded tanks", TANKS, ("level",), tanks, fitted_tanks, (50,), False, ("0.191",)),
-]
+    Benchmark(
+        "coupled drives", DRIVES, ("u11", "u12"), drives, fitted_drives, (10, 4), True, ("0.100", "0.089"),
+        "driven-coupled-drives",
+    ),
+    Benchmark(
+        "cascaded tanks", TANKS, ("level",), tanks, fitted_tanks, (50,), False, ("0.191",), "driven-cascaded-tanks"
+    ),
+    *(
+        Benchmark(
+            rig.name, None, ("",), partial(rig_records, rig), partial(fitted_rig, rig), (10,), False,
+            partial(published_fit, rig), "driven-rigs",
+        )
+        for rig in RIGS
+        if "damping" in rig.model.units() and rig.name not in CHATTERS
+    ),
+]  # fmt: skip
 
 
 def errors(frozen: Frozen, k: int, estimation: Trajectory, test: Trajectory | None, each: Benchmark) -> list[str]:
@@ -165,8 +219,9 @@ def rows_of(each: Benchmark, look: bool) -> list[str]:
     print(f"{each.name}: {', '.join(parameters(frozen.fitted))}", file=sys.stderr)
     cells = []
     for k, name in enumerate(each.records):
-        cells.append([f"{each.name} {name}, estimation", *errors(frozen, k, estimation[k], None, each), "", ""])
-    if look:
+        published = "" if isinstance(each.others, tuple) else _number(each.others(estimation[k]))
+        cells.append([f"{each.name} {name}, estimation", *errors(frozen, k, estimation[k], None, each), published, ""])
+    if look and each.file is not None and isinstance(each.others, tuple):
         values = {f"{name}-{k}": float(f"{x:.6g}") for k, own in enumerate(frozen.values) for name, x in own.items()}
         how = [f"windows {each.windows}", f"continues {each.continues}"]
         looks = log_look(LOG, sha256_of(each.file), model_hash(frozen.model.equation, values, how), each.name)
@@ -186,15 +241,16 @@ def parameters(fitted: FitResult) -> list[str]:
 def main() -> None:
     """Print the table as Markdown."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--only", default="", help="only benchmarks whose name contains this")
+    parser.add_argument("--only", default="", help="only benchmarks whose name or table contains this")
     parser.add_argument("--look", action="store_true", help="open the test records; the look is logged")
     add_option(parser)
     options = parser.parse_args()
-    for each in BENCHMARKS:
-        if options.only in each.name:
-            with table(f"driven-{each.name.replace(' ', '-')}", options.write_docs):
-                print("| record | physical model | NARX | SINDy with inputs | linear model | best published | looks |")
-                print("|---|---|---|---|---|---|---|")
+    chosen = [each for each in BENCHMARKS if options.only in each.name or options.only in each.table]
+    for name, together in groupby(chosen, key=lambda each: each.table):
+        with table(name, options.write_docs):
+            print("| record | physical model | NARX | SINDy with inputs | linear model | best published | looks |")
+            print("|---|---|---|---|---|---|---|")
+            for each in together:
                 print("\n".join(rows_of(each, options.look)), flush=True)
 
 

@@ -317,8 +317,8 @@ def _matched(task: Task, start: Mapping[str, float], guessed: Mapping[str, float
         return
     problem, used = task.problem, task.target.used
     first, given = next(starting_values(task, start, guessed)), [name in start for name in value_names(task.model)]
-    samples = problem.t_s[used], task.target.observed[used], problem.inputs[used]
-    for matched in matched_starts(problem.model, *samples, task.unknowns.only(names), first):
+    samples = problem.t_s[used], task.target.observed[used]
+    for matched in matched_starts(problem, *samples, task.unknowns.only(names), first):
         yield np.where(given, first, matched)
 
 

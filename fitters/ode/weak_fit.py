@@ -9,7 +9,7 @@ run of the model without them leaves the data at once.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -38,8 +38,7 @@ class WeakFit:
     ``values`` by name, initial states among them, and ``stderr`` of those fitted, each in its own unit; ``residual``
     (w, q) of w windows and q equations, in standard deviations of the left side, and ``left_out`` (w, q) the same by a
     fit without each of BLOCKS blocks of windows, to first order. Standard errors are those of BLOCKS of
-    windows (sandwich estimator, clustered: Cameron and Miller 2015, J. Human Resources 50, 317, eq. 11): what the
-    equation lacks lasts longer than a window.
+    windows (:func:`clustered_errors`): what the equation lacks lasts longer than a window.
     """
 
     values: Mapping[str, float]
@@ -130,7 +129,7 @@ class _WeakForm:
         t_s, order = task.problem.t_s, 2 if model.second_order else 1
         half_s, longest_s = SHORTEST * float(np.median(np.diff(t_s))), LONGEST * float(t_s[-1] - t_s[0])
         while half_s <= longest_s:
-            mean, derivative = _windows(t_s, half_s, order)
+            mean, derivative = weak_windows(t_s, half_s, order)
             left = derivative @ values
             noise = np.sqrt(np.asarray((derivative.power(2)).sum(axis=1)).mean()) * task.noise[which]
             if left.shape[0] > 2 * max(len(task.free), BLOCKS) and np.all(noise <= NOISE_SHARE * np.std(left, axis=0)):
@@ -168,31 +167,43 @@ class _WeakForm:
             found = least_squares(flat, inside, bounds=bounds, x_scale="jac", max_nfev=EVALUATIONS)
             slopes = np.asarray(found.jac, dtype=np.float64)
             vector[which], jacobian = found.x, slopes / np.maximum(np.linalg.norm(slopes, axis=0), 1e-300)
-            errors = dict(zip([task.unknowns.names[k] for k in free], _errors(slopes, found.fun), strict=True))
+            parts = zip(np.array_split(slopes, BLOCKS), np.array_split(found.fun, BLOCKS), strict=True)
+            errors = dict(zip([task.unknowns.names[k] for k in free], clustered_errors(parts), strict=True))
         residual = flat(vector[which]).reshape(self.left.shape)
         left_out = _left_out(jacobian.reshape(*self.left.shape, -1), residual)
         return WeakFit(dict(zip(names, vector.tolist(), strict=True)), errors, residual, left_out)
 
 
 def _left_out(jacobian: Array, residual: Array) -> Array:
-    """Residual (w, q) of each block of windows by a fit without it, to first order in the values: (1 - H)^-1 r."""
+    """Residual (w, q) of each block of windows by a fit without it, to first order in the values.
+
+    (1 - J A^-1 J')^-1 r = r + J (A - J'J)^-1 J' r for the rows J of a block and the information A of all.
+    """
     flat = jacobian.reshape(residual.size, -1)
-    inverse = np.linalg.pinv(flat.T @ flat)
+    information = flat.T @ flat
     parts = []
     for rows, values in zip(np.array_split(jacobian, BLOCKS), np.array_split(residual, BLOCKS), strict=True):
         block = rows.reshape(values.size, -1)
-        hat = block @ inverse @ block.T
-        parts.append(np.linalg.lstsq(np.eye(values.size) - hat, values.ravel(), rcond=None)[0].reshape(values.shape))
+        step = np.linalg.pinv(information - block.T @ block, hermitian=True) @ (block.T @ values.ravel())
+        parts.append(values + (block @ step).reshape(values.shape))
     return np.concatenate(parts)
 
 
-def _errors(jacobian: Array, residual: Array) -> list[float]:
-    """Standard errors (k,) that allow for any correlation of the residual within a block."""
-    scale = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
-    inverse = np.linalg.pinv((jacobian / scale).T @ (jacobian / scale))
-    parts = zip(np.array_split(jacobian / scale, BLOCKS), np.array_split(residual, BLOCKS), strict=True)
-    sums = np.array([rows.T @ values for rows, values in parts])
-    covariance = inverse @ (sums.T @ sums) @ inverse * BLOCKS / (BLOCKS - 1)
+def clustered_errors(clusters: Iterable[tuple[Array, Array]]) -> list[float]:
+    """Standard errors (k,) of least squares that allow for any correlation of the residual within a cluster.
+
+    The sandwich estimator (Cameron and Miller 2015, J. Human Resources 50, 317, eq. 11).
+
+    Parameters
+    ----------
+    clusters
+        Jacobian (n, k) and residual (n,) of each.
+    """
+    parts = list(clusters)
+    scale = np.maximum(np.linalg.norm(np.vstack([jacobian for jacobian, _ in parts]), axis=0), 1e-300)
+    inverse = np.linalg.pinv(sum((jacobian / scale).T @ (jacobian / scale) for jacobian, _ in parts))
+    sums = np.array([(jacobian / scale).T @ residual for jacobian, residual in parts])
+    covariance = inverse @ (sums.T @ sums) @ inverse * len(parts) / (len(parts) - 1)
     return [float(error) for error in np.sqrt(np.maximum(np.diag(covariance), 0.0)) / scale]
 
 
@@ -203,7 +214,7 @@ def _at_samples(problem: InitialValueProblem) -> InitialValueProblem:
     return replace(problem, inputs=np.ascontiguousarray((before + problem.inputs) / 2))
 
 
-def _windows(t_s: Array, half_s: float, order: int) -> tuple[csr_array, csr_array]:
+def weak_windows(t_s: Array, half_s: float, order: int) -> tuple[csr_array, csr_array]:
     """Weights (w, n) of the mean over each window, and those of the derivative of that order; half a window apart.
 
     Those of the derivative are exact for polynomials of that order, as the integrals are, whatever the sampling.

@@ -59,8 +59,9 @@ def model_from_equation(
     """Make a model from its equation of motion in text; its parameters are the names that are nothing else.
 
     An equation is solved for the highest derivative, ``theta'' = ...`` or ``h' = ...``; several are separated by ``;``.
-    On the right stand numbers, names, ``+ - * / ^``, brackets, and sin, cos, tan, exp, log, sqrt, abs, sign, tanh, max,
-    min. ``t`` is the time in s, ``u``, ``u1``, ... are known inputs, ``pi`` is the number. The text is parsed, not run.
+    On the right stand numbers, names, ``+ - * / ^``, brackets, and sin, cos, tan, exp, log, sqrt, abs, sign, tanh,
+    atan, max, min. ``t`` is the time in s, ``u``, ``u1``, ... are known inputs, ``pi`` is the number. The text is
+    parsed, not run.
 
     Parameters
     ----------

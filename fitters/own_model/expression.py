@@ -21,7 +21,7 @@ LONGEST_NAME = 40
 CONSTANTS = {"pi": np.pi}
 FUNCTIONS: Mapping[str, Callable[..., float]] = {
     "sin": np.sin, "cos": np.cos, "tan": np.tan, "exp": np.exp, "log": np.log, "sqrt": np.sqrt, "abs": np.abs,
-    "sign": np.sign, "tanh": np.tanh, "max": np.maximum, "min": np.minimum,
+    "sign": np.sign, "tanh": np.tanh, "atan": np.arctan, "max": np.maximum, "min": np.minimum,
 }  # fmt: skip
 OF_TWO = ("max", "min")
 POWER: Callable[..., float] = np.power

@@ -9,14 +9,15 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import least_squares
 
+from fitters.integrator.initial_value_problem import InitialValueProblem
 from fitters.ode.least_squares import Unknowns
 from iris_sysid.errors import FitError
-from iris_sysid.types import Array, OdeModel
+from iris_sysid.types import Array
 
 POINTS = 100  # at which the right-hand side is compared
 SHARES = (0.02, 0.06, 0.15)  # half widths of the local cubics, as fractions of the record
@@ -29,26 +30,25 @@ LARGEST = 1e6  # of a residual, in standard deviations of the rate
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Smoothed:
-    """States (m, s), rates (m, q) of the components ``matched`` (q,) of them, and inputs (m, i), at ``t_s`` (m,)."""
+    """States (m, s), and rates (m, q) of the components ``matched`` (q,) of them, at the times of ``problem``."""
 
-    t_s: Array
+    problem: InitialValueProblem
     states: Array
     rates: Array
     matched: list[int]
-    inputs: Array
 
 
 def matched_starts(
-    model: OdeModel, t_s: Array, observed: Array, inputs: Array, unknowns: Unknowns, values: Array, seed: int = 0
+    problem: InitialValueProblem, t_s: Array, observed: Array, unknowns: Unknowns, values: Array, seed: int = 0
 ) -> Iterator[Array]:
     """Full vectors of values (p + s,) by gradient matching, one for each width of smoothing; none where it cannot be.
 
     Parameters
     ----------
-    model
-        The governing equation.
-    t_s, observed, inputs
-        (n,) s, (n, d) and (n, i): the samples, each in its own unit.
+    problem
+        The governing equation with its inputs.
+    t_s, observed
+        (n,) s and (n, d): the samples, each in its own unit.
     unknowns
         The free values and their bounds.
     values
@@ -56,31 +56,37 @@ def matched_starts(
     seed
         Same seed, same starts.
     """
+    model = problem.model
     names = [quantity.name for quantity in model.observed]
     positions = model.states[: model.degrees_of_freedom]
     if model.observe is not None or model.events or not {state.name for state in positions} <= set(names):
         return
     columns = [names.index(state.name) for state in positions]
     for share in SHARES:
-        smoothed = _smoothed(model, t_s, observed[:, columns], inputs, share)
+        smoothed = _smoothed(problem, t_s, observed[:, columns], share)
         try:
-            yield _matched(model, smoothed, unknowns, values, np.random.default_rng(seed))
-        except (FitError, ArithmeticError, ValueError):  # the fit itself says what is wrong with the function
+            yield _matched(smoothed, unknowns, values, np.random.default_rng(seed))
+        except (
+            FitError,
+            ArithmeticError,
+            ValueError,
+            SystemError,
+        ):  # the fit itself says what is wrong with the function
             return
 
 
-def _smoothed(model: OdeModel, t_s: Array, observed: Array, inputs: Array, share: float) -> _Smoothed:
+def _smoothed(problem: InitialValueProblem, t_s: Array, observed: Array, share: float) -> _Smoothed:
     half = max(share * float(t_s[-1] - t_s[0]), LEAST * float(np.median(np.diff(t_s))))
     centres = np.linspace(t_s[0], t_s[-1], min(POINTS, t_s.size))
     local = np.array([_cubic(t_s, observed, centre, half) for centre in centres])  # (m, 3, d)
     d = observed.shape[1]
-    known = (
-        np.column_stack([np.interp(centres, t_s, column) for column in inputs.T]) if inputs.size else np.empty((0, 0))
-    )
-    if model.second_order:
-        states, rates = np.hstack([local[:, 0], local[:, 1]]), local[:, 2]
-        return _Smoothed(centres, states, rates, list(range(d, 2 * d)), known)
-    return _Smoothed(centres, local[:, 0], local[:, 1], list(range(d)), known)
+    known = np.zeros((centres.size, problem.inputs.shape[1]))
+    for k, column in enumerate(problem.inputs.T):
+        known[:, k] = np.interp(centres, problem.t_s, column)
+    there = replace(problem, t_s=centres, inputs=known, ends=np.arange(centres.size, dtype=np.float64))
+    if problem.model.second_order:
+        return _Smoothed(there, np.hstack([local[:, 0], local[:, 1]]), local[:, 2], list(range(d, 2 * d)))
+    return _Smoothed(there, np.ascontiguousarray(local[:, 0]), local[:, 1], list(range(d)))
 
 
 def _cubic(t_s: Array, observed: Array, centre: float, half: float) -> Array:
@@ -92,44 +98,27 @@ def _cubic(t_s: Array, observed: Array, centre: float, half: float) -> Array:
     return np.asarray(coefficients[:3] * np.array([[1.0], [1.0 / half], [2.0 / half**2]]))
 
 
-def _matched(
-    model: OdeModel, smoothed: _Smoothed, unknowns: Unknowns, values: Array, rng: np.random.Generator
-) -> Array:
+def _matched(smoothed: _Smoothed, unknowns: Unknowns, values: Array, rng: np.random.Generator) -> Array:
     """The values whose right-hand side is nearest to the rates; initial states are those of the first point."""
-    count = len(model.parameters)
+    count = len(smoothed.problem.model.parameters)
     start = values.copy()
     start[count:] = smoothed.states[0]
-    free = unknowns.which[unknowns.which < count]
+    which = np.flatnonzero(unknowns.which < count)
+    free = unknowns.which[which]
     size = np.std(smoothed.rates, axis=0)
     size = np.where(size > 0, size, 1.0)
-    rows = list(zip(smoothed.t_s.tolist(), map(tuple, smoothed.states.tolist()), _inputs(smoothed), strict=True))
 
     def residual(now: Array) -> Array:
         params = start[:count].copy()
         params[free] = now
-        given = tuple(params.tolist())
-        rates = np.array([_rates(model, t, state, given, known) for t, state, known in rows])[:, smoothed.matched]
-        error = (smoothed.rates - rates) / size
+        with np.errstate(all="ignore"):
+            rates = smoothed.problem.slopes(smoothed.states, params)[:, smoothed.matched]
+            error = (smoothed.rates - rates) / size
         return np.nan_to_num(np.clip(error, -LARGEST, LARGEST), nan=LARGEST).ravel()
 
     if free.size:
-        which = np.flatnonzero(unknowns.which < count)
         start[free] = _best(residual, start[free], unknowns.lower[which], unknowns.upper[which], rng)
     return start
-
-
-def _inputs(smoothed: _Smoothed) -> list[tuple[float, ...]]:
-    return [tuple(row) for row in smoothed.inputs.tolist()] if smoothed.inputs.size else [()] * smoothed.t_s.size
-
-
-def _rates(
-    model: OdeModel, t: float, state: tuple[float, ...], params: tuple[float, ...], known: tuple[float, ...]
-) -> tuple[float, ...]:
-    try:
-        with np.errstate(all="ignore"):
-            return tuple(model.rhs(t, state, params, known) if known else model.rhs(t, state, params))
-    except (ArithmeticError, ValueError):
-        return (np.nan,) * len(model.states)
 
 
 def _best(residual: Residual, now: Array, lower: Array, upper: Array, rng: np.random.Generator) -> Array:

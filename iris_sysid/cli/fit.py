@@ -58,6 +58,9 @@ def fit(
     validation_plot: Annotated[
         Path | None, typer.Option(help="Also draw the validation, with the residual's correlations, to this PNG file.")
     ] = None,
+    posterior: Annotated[
+        Path | None, typer.Option(help="Also sample the posterior by emcee, and write the draws to this CSV file.")
+    ] = None,
     force: Force = False,
     json: Json = False,
     strict: Strict = False,
@@ -71,23 +74,28 @@ def fit(
       iris-sysid fit trajectory.csv --model pendulum --set gravity=9.79 -o fit.json
       iris-sysid fit trajectory.csv --equation "theta'' = -g/L*sin(theta)" --set g=9.79 -o fit.json
     """
+    from fitters.ode import posterior as posterior_sampling
     from iris_sysid.cli import _own_equation, _parsing, _records
     from iris_sysid.registry import MODELS
 
     _own_equation.check_one(model, equation, bound or [])
     for table in tables:
-        _terminal.check_outputs(table, [output, plot, validation_plot], overwrite=force)
+        _terminal.check_outputs(table, [output, plot, validation_plot, posterior], overwrite=force)
     for picture in (plot, validation_plot):
         _terminal.check_suffix(picture, ".png")
+    _terminal.check_suffix(posterior, ".csv")
     several, auto = len(tables) > 1, model == AUTO
     _refuse(
         not several and (shared or per_clip), "--shared and --per-clip are about several clips; give several tables"
     )
-    _refuse(several and (plot or uncertainty or auto), "--plot, --uncertainty and --model auto are about one table")
+    single = "--plot, --posterior, --uncertainty and --model auto are about one table"
+    _refuse(several and (plot or posterior or uncertainty or auto), single)
     unnamed = "need the name of a model, not --model auto"
     _refuse(auto and (plot or uncertainty or known or start), f"--plot, --uncertainty, --set and --start-at {unnamed}")
-    _refuse(auto and (validate or hold != "auto"), f"--hold and --validate {unnamed}")
+    _refuse(auto and (validate or posterior or hold != "auto"), f"--hold, --validate and --posterior {unnamed}")
     _refuse(validation_plot and not validate, "--validation-plot draws what --validate simulates; give both")
+    if posterior is not None:
+        posterior_sampling.emcee_module()
     _records.checked_hold(hold)
     columns = _records.with_sample_time(columns, sample_time)
     chosen: OdeModel | None
@@ -125,7 +133,7 @@ def fit(
         validation = None if record is None else (f"{validate}", record, validation_plot)
         verdict = _fit_one(
             clips[0], chosen, fixed, free or [], starts, uncertainty or ["robust"], validation,
-            output, plot, force, json,
+            output, plot, posterior, force, json,
         )  # fmt: skip
     named = ["--model", model] if equation is None else ["--equation", equation]
     same = [*_terminal.repeated("--bound", bound), *_terminal.repeated("--set", known)]
@@ -155,6 +163,7 @@ def _fit_one(
     validation: tuple[str, Trajectory, Path | None] | None,
     output: Path,
     plot: Path | None,
+    posterior: Path | None,
     force: bool,
     json: bool,
 ) -> Verdict:
@@ -179,12 +188,27 @@ def _fit_one(
     _draw(trajectory, result, plot, force)
     _terminal.show_fit(result, trajectory, json)
     _terminal.check_usable(result)
+    if posterior is not None:
+        _sample(result, trajectory, posterior, force, json)
     if found is not None and validation is not None:
         from iris_sysid.cli import _records
 
         _records.tell(found, json)
         _records.draw(found, validation[2], force)
     return result.verdict
+
+
+def _sample(result: FitResult, trajectory: Trajectory, path: Path, force: bool, json: bool) -> None:
+    """Write draws of the posterior, and print their summary; to stderr where stdout is fit.json."""
+    from fitters.ode.posterior import sample_posterior
+    from iris_sysid.io import files
+
+    with _terminal.phases("sampling the posterior"):
+        sampled = sample_posterior(result, trajectory)
+    files.write_atomic(path, sampled.frame().to_csv(index=False).encode(), overwrite=force)
+    typer.echo(sampled.summary().to_string(float_format="%.6g"), err=json)
+    if not sampled.converged:
+        typer.echo("note: the chains are too short to be trusted; sample_posterior takes more steps", err=True)
 
 
 def _validated(result: FitResult, trajectory: Trajectory, record: Trajectory) -> Validation:

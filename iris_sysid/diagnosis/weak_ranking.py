@@ -146,12 +146,12 @@ class WeakRanking:
         return Candidate(found.names, found.starts, 0.0, 1.0)
 
     def _longer(self, current: WeakSet) -> list[WeakSet]:
-        """All sets with one more effect, each in its best shape and of a possible sign, best first."""
+        """All sets with one more effect, each in its best shape and of a possible sign, least criterion first."""
         key = frozenset(current.names)
         if key not in self._found:
             others = [effect for effect in self._library.by_name.values() if _acts(effect) and effect.name not in key]
             sets = [self._added(current, effect) for effect in others]
-            self._found[key] = sorted([each for each in sets if each is not None], key=lambda each: each.squares)
+            self._found[key] = sorted([each for each in sets if each is not None], key=lambda each: each.cost)
         return self._found[key]
 
     def _added(self, current: WeakSet, effect: Effect) -> WeakSet | None:

@@ -49,11 +49,11 @@ def validation_figure(validation: Validation) -> Figure:
         _draw_motion(axes[0], validation, k)
         lags = np.arange(1, validation.autocorrelation.shape[1] + 1)
         _draw_lags(axes[1], lags, validation.autocorrelation[k], validation.autocorrelation_band)
-        axes[1].set(title="autocorrelation of the residual", xlabel="lag (samples)")
+        axes[1].set(title="residual: autocorrelation", xlabel="lag (samples)")
         for i, name in enumerate(quantity.name for quantity in validation.inputs):
             both = np.arange(-lags.size, lags.size + 1)
             _draw_lags(axes[2 + i], both, validation.input_correlation[k, i], validation.input_band[k, i])
-            axes[2 + i].set(title=f"correlation of the residual with {name}", xlabel=f"{name} comes first by (samples)")
+            axes[2 + i].set(title=f"residual: correlation with {name}", xlabel=f"{name} comes first by (samples)")
     return figure
 
 

@@ -6,7 +6,9 @@ import shlex
 import zlib
 
 import numpy as np
+import pandas as pd
 import pytest
+from matplotlib.image import imread
 from scipy.io import savemat
 from typer.testing import CliRunner
 
@@ -79,6 +81,25 @@ def test_commands_of_the_guide_find_the_truth_and_write_the_validation(folder):
 def test_python_of_the_guide_runs(folder, code, capsys):
     exec(compile(code, "records.md", "exec"), {"__name__": "guide"})
     assert capsys.readouterr().out
+
+
+def test_the_figure_of_the_guide_is_what_its_command_draws(folder):
+    output_of(COMMANDS[0])
+    shown, drawn = (imread(path)[:, :, :3] for path in (ROOT / "docs" / "guide" / "records.png", "white.png"))
+    assert shown.shape == drawn.shape
+    assert np.mean(np.abs(shown - drawn)) < 0.01
+    assert np.mean(shown < 0.9) > 0.02  # not a blank picture, which would be close to any
+
+
+def test_draws_of_the_posterior_are_written_and_summarised(folder):
+    pytest.importorskip("emcee")
+    command = f'iris-sysid fit motor.csv --equation "{MODEL}" --hold zero --posterior draws.csv -o motor.json'
+    said = output_of(command)
+    draws = pd.read_csv("draws.csv")
+    assert list(draws.columns)[2] == "w_0 [rad]"
+    estimates = json.loads((folder / "motor.json").read_text())["parameters"]
+    assert draws["k [1]"].std() == pytest.approx(estimates["k"]["stderr"], rel=0.2)
+    assert "effective_draws" in said
 
 
 # --------------------------------------------------------------------------- files
@@ -178,6 +199,7 @@ def test_a_mat_file_that_unpacks_to_too_much_is_refused(folder, monkeypatch):
         ("--sample-time 1s --columns t=x", "both state the time"),
         ("--validate 99.9%", "leaves 240 to validate with and 0 to fit"),
         ("--validation-plot a.png", "draws what --validate simulates"),
+        ("--posterior a.txt", "it will be a .csv file"),
         ("--hold cubic", "held: zero, linear, auto"),
     ],
 )

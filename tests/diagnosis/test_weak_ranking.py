@@ -5,6 +5,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from iris_sysid import Trajectory, diagnose, model_from_equation
+from validation.driven_speed import CART as SPRUNG
+from validation.driven_speed import DRY as DRY_FORCE
+from validation.driven_speed import MASS as SPRUNG_MASS
+from validation.driven_speed import record
 
 MASS, VISCOUS, DRY, OFFSET = 20.0, 30.0, 12.0, 3.0  # kg, N s/m, N, N
 CART = model_from_equation("q'' = u/m")
@@ -49,3 +53,10 @@ def test_friction_and_offset_are_named_from_a_base_model_without_any():
 def test_a_drive_with_viscous_friction_alone_gets_no_dry_friction():
     named = {effect.name for effect in diagnose(drive(0.0, VISCOUS, 0.0), CART).added}
     assert named == {"linear-drag"}
+
+
+@pytest.mark.slow
+def test_dry_friction_is_not_taken_for_a_form_of_it_with_one_more_value():
+    found = diagnose(record(2000), SPRUNG)
+    assert [effect.name for effect in found.added] == ["coulomb-friction"]
+    assert found.sizes["coulomb_friction"].value == pytest.approx(DRY_FORCE / SPRUNG_MASS, rel=0.05)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fitters.ode import FitRequest
-from fitters.ode.weak_fit import weak_fit
+from fitters.ode.weak_fit import _left_out, weak_fit
 from iris_sysid import MODELS, Trajectory, model_from_equation, simulate, smooth
 
 TRUTH = {"b": 2.0, "k": 3.0, "c": 0.4}
@@ -45,6 +45,15 @@ def test_standard_errors_cover_the_truth_where_an_unknown_force_wanders():
 
 
 def test_a_block_that_is_left_out_is_predicted_as_a_fit_without_it_does():
+    rng = np.random.default_rng(0)
+    jacobian, target = rng.standard_normal((60, 2, 3)), rng.standard_normal((60, 2))
+    flat = jacobian.reshape(120, 3)
+    residual = (target.ravel() - flat @ np.linalg.lstsq(flat, target.ravel())[0]).reshape(60, 2)
+    without = np.linalg.lstsq(flat[6:], target.ravel()[6:])[0]  # a block: 3 of 60 windows of 2 equations
+    np.testing.assert_allclose(_left_out(jacobian, residual)[:3].ravel(), target.ravel()[:6] - flat[:6] @ without)
+
+
+def test_errors_of_blocks_are_those_of_their_windows():
     clip = record(3, wander=0.5)
     found = weak_fit(FitRequest(clip, DRIVEN, start={"b": 1.0, "k": 1.0, "c": 0.0}))
     assert np.sum(found.left_out**2) > found.squares

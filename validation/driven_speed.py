@@ -1,0 +1,75 @@
+"""Processor time of a fit and a diagnosis of a driven record against the whole library, by its number of samples.
+
+``python -m validation.driven_speed [--samples 4000 40000]``: a cart on a spring under a held voltage, by SciPy's
+integrator, with dry friction that the equation lacks. The last column holds on any machine. What numba compiles is
+compiled before: a record of WARM samples goes first.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from iris_sysid import Quantity, Trajectory, diagnose, fit, model_from_equation
+from validation.pages import add_option, table
+
+CART = model_from_equation("q'' = (35*u - c*q' - k*q)/m", units={"q": "m", "u": "V", "m": "kg"})
+MASS, VISCOUS, STIFFNESS, DRY = 9.0, 20.0, 150.0, 12.0  # kg, N s/m, N/m, N
+STEP_S, HELD, NOISE_M = 0.005, 20, 2e-4  # of a sample; samples between steps of the voltage; of the position
+WARM = 1000
+
+
+def record(samples: int, seed: int = 0) -> Trajectory:
+    """The cart for that number of samples; the voltage is drawn anew every HELD of them."""
+    rng = np.random.default_rng(seed)
+    voltage = np.repeat(rng.uniform(-10, 10, samples // HELD + 1), HELD)[:samples]
+    state, positions = np.zeros(2), []
+    for first in range(0, samples, HELD):
+
+        def slope(t: float, now: np.ndarray, force: float = 35 * voltage[first]) -> tuple[float, float]:
+            dry = DRY * now[1] / np.hypot(now[1], 1e-2)
+            return now[1], (force - VISCOUS * now[1] - STIFFNESS * now[0] - dry) / MASS
+
+        times = np.arange(HELD + 1) * STEP_S
+        solved = solve_ivp(slope, (0.0, times[-1]), state, t_eval=times, rtol=1e-7, atol=1e-9).y
+        positions.append(solved[0, :-1])
+        state = solved[:, -1]
+    q = np.concatenate(positions)[:samples, None] + NOISE_M * rng.standard_normal((samples, 1))
+    unknown, valid = np.full_like(q, np.nan), np.ones(samples, dtype=np.bool_)
+    more = {"sensor": "encoder", "hold": "zero-order"}
+    return Trajectory(
+        np.arange(samples) * STEP_S, (Quantity("q", "m"),), q, unknown, valid, CART.inputs, voltage[:, None], **more
+    )
+
+
+def row(samples: int) -> str:
+    """One row of the table."""
+    clip = record(samples)
+    begin_s = time.process_time()
+    fit(clip, CART)
+    fitted_s = time.process_time()
+    found = diagnose(clip, CART)
+    spent_s = fitted_s - begin_s, time.process_time() - fitted_s
+    named = ", ".join(effect.name for effect in found.added) or "nothing"
+    return f"| {samples} | {named} | {spent_s[0]:.1f} | {spent_s[1]:.1f} | {spent_s[1] / spent_s[0]:.1f} |"
+
+
+def main() -> None:
+    """Print the table as Markdown."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--samples", type=int, nargs="+", default=[4000, 40000], help="lengths of the records")
+    add_option(parser)
+    options = parser.parse_args()
+    with table("driven-speed", options.write_docs):
+        row(WARM)
+        print("| samples | named | fit, s of processor | diagnosis, s | diagnosis / fit |")
+        print("|---|---|---|---|---|")
+        for samples in options.samples:
+            print(row(samples), flush=True)
+
+
+if __name__ == "__main__":
+    main()
