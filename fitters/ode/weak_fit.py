@@ -52,7 +52,7 @@ class WeakFit:
         return float(np.sum(self.residual**2))
 
     def block_squares(self) -> tuple[Array, Array]:
-        """Mean square of each block of windows that is left out (b,), and the windows of each (b,)."""
+        """Mean square (b,) of each block of windows that is left out, dimensionless, and the windows of each (b,)."""
         parts = np.array_split(self.left_out, BLOCKS)
         return np.array([np.mean(part**2) for part in parts]), np.array([len(part) for part in parts])
 
@@ -190,7 +190,7 @@ def _left_out(jacobian: Array, residual: Array) -> Array:
 
 
 def clustered_errors(clusters: Iterable[tuple[Array, Array]]) -> list[float]:
-    """Standard errors (k,) of least squares that allow for any correlation of the residual within a cluster.
+    """Standard errors (k,), in the units of the values, of least squares that allow for any correlation of the residual within a cluster.
 
     The sandwich estimator (Cameron and Miller 2015, J. Human Resources 50, 317, eq. 11).
 
@@ -215,7 +215,7 @@ def _at_samples(problem: InitialValueProblem) -> InitialValueProblem:
 
 
 def weak_windows(t_s: Array, half_s: float, order: int) -> tuple[csr_array, csr_array]:
-    """Weights (w, n) of the mean over each window, and those of the derivative of that order; half a window apart.
+    """Weights (w, n) of the mean over each window, and those of the derivative in s^-order; half a window apart.
 
     Those of the derivative are exact for polynomials of that order, as the integrals are, whatever the sampling.
     """

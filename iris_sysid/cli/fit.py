@@ -74,7 +74,6 @@ def fit(
       iris-sysid fit trajectory.csv --model pendulum --set gravity=9.79 -o fit.json
       iris-sysid fit trajectory.csv --equation "theta'' = -g/L*sin(theta)" --set g=9.79 -o fit.json
     """
-    from fitters.ode import posterior as posterior_sampling
     from iris_sysid.cli import _own_equation, _parsing, _records
     from iris_sysid.registry import MODELS
 
@@ -95,7 +94,9 @@ def fit(
     _refuse(auto and (validate or posterior or hold != "auto"), f"--hold, --validate and --posterior {unnamed}")
     _refuse(validation_plot and not validate, "--validation-plot draws what --validate simulates; give both")
     if posterior is not None:
-        posterior_sampling.emcee_module()
+        from fitters.ode.posterior import emcee_module
+
+        emcee_module()
     _records.checked_hold(hold)
     columns = _records.with_sample_time(columns, sample_time)
     chosen: OdeModel | None
