@@ -61,8 +61,7 @@ if TYPE_CHECKING:
     import lmfit
 
 PATIENCE = 500_000, 50  # samples evaluated, and least evaluations, before a local fit is abandoned
-ROUGH_PATIENCE = 100_000, 40  # the same of a rough one
-OUTLIER_ROUNDS = 4, 2  # in which samples are reselected, of a fit and of one in a search
+ROUGH_WORK = 100_000  # samples times iterations after which a rough fit is not continued
 HELD = 1e3  # weight at which a prior holds its value
 LOST = "no start led to the data, and where the search ended some values have no effect of their own"
 PRIOR_ROUNDS, SETTLED = 4, 0.02  # fits with a new weight of the priors, and its last relative change
@@ -259,8 +258,8 @@ def _accuracy(options: FitOptions, samples: int) -> Accuracy:
     """With what a fit ends; a local one is abandoned earlier where there are many samples."""
     if not options.local:
         return FINE
-    accuracy, (work, least) = (ROUGH, ROUGH_PATIENCE) if options.rough else (FINE, PATIENCE)
-    return accuracy._replace(evaluations=min(max(work // samples, least), FINE.evaluations))
+    most = max(PATIENCE[0] // samples, PATIENCE[1])
+    return ROUGH if options.rough else FINE._replace(evaluations=min(most, FINE.evaluations))
 
 
 def task_of(request: FitRequest) -> Task:
@@ -293,10 +292,9 @@ def _failure(
 def _downhill(task: Task, request: FitRequest) -> Solution:
     """Fit all samples from the start given alone; the first of them first, if asked for."""
     values = next(starting_values(task, request.start, guesses(task, request.start)))
-    accuracy = _accuracy(request.options, int(task.target.used.sum())) if request.options.rough else ROUGH
     if request.options.growing:
-        return grow(task.problem, task.target, task.unknowns, values, accuracy)
-    return minimise(task.problem, task.target, task.unknowns, values, accuracy=accuracy)
+        return grow(task.problem, task.target, task.unknowns, values, ROUGH)
+    return minimise(task.problem, task.target, task.unknowns, values, accuracy=ROUGH)
 
 
 def _starts(task: Task, start: Mapping[str, float], multistart: int) -> Iterator[tuple[Array, bool]]:
@@ -349,12 +347,14 @@ def _without_outliers(task: Task, solution: Solution, refinement: _Refinement) -
     """Finish the fit and reselect the samples: outliers are removed, good samples are restored."""
     candidates = task.selection.used[task.selection.span]
     target = task.target
-    for _ in range(OUTLIER_ROUNDS[refinement.rough]):
+    for done in range(4):
         outliers = np.zeros_like(candidates)
         if explains(solution, target):
             residual = (target.observed - solution.predicted) / target.sigma
             outliers[candidates] = outliers_in_residual(residual[candidates], SMALLEST_DEVIATION)
-        is_finished = refinement.rough or (solution.fine and _exact(solution, target))
+        if done and refinement.rough and len(solution.gradients) * int(target.used.sum()) > ROUGH_WORK:
+            break
+        is_finished = solution.converged if refinement.rough else solution.fine and _exact(solution, target)
         if is_finished and np.array_equal(candidates & ~outliers, target.used):
             break
         target = Target(target.observed, target.sigma, candidates & ~outliers)

@@ -98,7 +98,7 @@ def motor_record():
         ('--equation "theta\' = k" --bound k=1', "cannot read the bounds 'k=1'"),
         ('--equation "theta\' = k" --bound m=1:2', "bounds: the equation has no 'm'; it has k"),
         ('--equation "theta\' = k" --hold cubic', "inputs between samples are held: zero, linear, auto"),
-        ("--model auto --validate swing2.csv", "--hold and --validate need the name of a model"),
+        ("--model auto --validate swing2.csv", "--hold, --validate and --posterior need the name of a model"),
     ],
 )
 def test_options_that_cannot_be_kept_are_refused(folder, options, message):
