@@ -34,6 +34,11 @@ class Accuracy(NamedTuple):
     time_step: float
     evaluations: int
 
+    @property
+    def fine(self) -> bool:
+        """Whether it is that of a final fit."""
+        return self.tolerance <= FINE.tolerance
+
 
 FINE = Accuracy(1e-8, 1e-8, 200)
 ROUGH = Accuracy(1e-5, 1e-6, 40)  # good enough for the next horizon, or to compare models
@@ -246,7 +251,7 @@ def minimise(
         steps=objective.steps,
         rms=rms if finite else np.inf,
         converged=bool(result.success) and finite,
-        fine=accuracy.tolerance <= FINE.tolerance,
+        fine=accuracy.fine,
         message=str(result.message),
         gradients=(*gradients, *objective.gradients),
     )

@@ -204,11 +204,6 @@ class _Refinement:
     loss: Loss
     accuracy: Accuracy
 
-    @property
-    def rough(self) -> bool:
-        """Whether the values need not be those of the minimum."""
-        return self.accuracy.tolerance > FINE.tolerance
-
     def continued(self, problem: InitialValueProblem, target: Target, unknowns: Unknowns, before: Solution) -> Solution:
         """The least squares from where an earlier solution ended."""
         return minimise(
@@ -347,14 +342,15 @@ def _without_outliers(task: Task, solution: Solution, refinement: _Refinement) -
     """Finish the fit and reselect the samples: outliers are removed, good samples are restored."""
     candidates = task.selection.used[task.selection.span]
     target = task.target
+    rough = not refinement.accuracy.fine
     for done in range(4):
+        if done and rough and len(solution.gradients) * int(target.used.sum()) > ROUGH_WORK:
+            break
         outliers = np.zeros_like(candidates)
         if explains(solution, target):
             residual = (target.observed - solution.predicted) / target.sigma
             outliers[candidates] = outliers_in_residual(residual[candidates], SMALLEST_DEVIATION)
-        if done and refinement.rough and len(solution.gradients) * int(target.used.sum()) > ROUGH_WORK:
-            break
-        is_finished = solution.converged if refinement.rough else solution.fine and _exact(solution, target)
+        is_finished = solution.converged if rough else solution.fine and _exact(solution, target)
         if is_finished and np.array_equal(candidates & ~outliers, target.used):
             break
         target = Target(target.observed, target.sigma, candidates & ~outliers)

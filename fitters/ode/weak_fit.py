@@ -192,9 +192,8 @@ def _left_out(jacobian: Array, residual: Array) -> Array:
 def clustered_errors(clusters: Iterable[tuple[Array, Array]]) -> list[float]:
     """Standard errors (k,) of least squares that allow for any correlation of the residual within a cluster.
 
-    They have the units of the values.
-
-    The sandwich estimator (Cameron and Miller 2015, J. Human Resources 50, 317, eq. 11).
+    They have the units of the values. The sandwich estimator: Cameron and Miller 2015, J. Human Resources 50, 317,
+    eq. 11.
 
     Parameters
     ----------

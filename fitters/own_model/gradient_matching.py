@@ -66,13 +66,8 @@ def matched_starts(
         smoothed = _smoothed(problem, t_s, observed[:, columns], share)
         try:
             yield _matched(smoothed, unknowns, values, np.random.default_rng(seed))
-        except (
-            FitError,
-            ArithmeticError,
-            ValueError,
-            SystemError,
-        ):  # the fit itself says what is wrong with the function
-            return
+        except (FitError, ArithmeticError, ValueError, SystemError):
+            return  # the fit itself says what is wrong with the function
 
 
 def _smoothed(problem: InitialValueProblem, t_s: Array, observed: Array, share: float) -> _Smoothed:

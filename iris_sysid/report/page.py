@@ -27,9 +27,9 @@ from iris_sysid.report.text import (
     as_sentence,
     equation_lines,
     interval_text,
+    number_and_unit,
     number_lines,
     shown_estimates,
-    shown_unit,
     table_names,
     with_error,
 )
@@ -100,13 +100,12 @@ class KeyValue:
     @property
     def number(self) -> str:
         """Value and standard error."""
-        return with_error(self.estimate).removesuffix(self.unit).strip()
+        return number_and_unit(self.estimate)[0]
 
     @property
     def unit(self) -> str:
         """Its unit; empty where it has none, or the value is not determined."""
-        unit = shown_unit(self.estimate.unit)[0]
-        return unit if with_error(self.estimate).endswith(f" {unit}") else ""
+        return number_and_unit(self.estimate)[1]
 
     @property
     def interval(self) -> str:

@@ -61,13 +61,18 @@ def shown_unit(unit: str) -> tuple[str, float]:
 
 def with_error(estimate: Estimate) -> str:
     """Write an estimate with its standard error and unit, e.g. ``1.7034 ± 0.0042 m``; angles in degrees."""
+    return with_unit(*number_and_unit(estimate))
+
+
+def number_and_unit(estimate: Estimate) -> tuple[str, str]:
+    """The two parts of :func:`with_error`; a value that is not determined, or dimensionless, has no unit."""
     if not math.isfinite(estimate.stderr) and estimate.measurement_type in ("fitted", "derived"):
-        return "undetermined"
+        return "undetermined", ""
     if not math.isfinite(estimate.value):
-        return "undetermined"
+        return "undetermined", ""
     unit, factor = shown_unit(estimate.unit)
     value, stderr = rounded_to_error(factor * estimate.value, factor * estimate.stderr)
-    return with_unit(f"{value} ± {stderr}" if stderr else value, unit)
+    return f"{value} ± {stderr}" if stderr else value, "" if unit == "1" else unit
 
 
 def with_unit(number: str, unit: str) -> str:
