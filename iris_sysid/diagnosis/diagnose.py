@@ -19,12 +19,13 @@ import numpy as np
 from fitters.components import marginal
 from fitters.ode import FitRequest, solve
 from fitters.ode.weak_fit import is_observed, weak_fit
+from iris_sysid.diagnosis.contributions import starts_of
 from iris_sysid.diagnosis.evidence import best_first
 from iris_sysid.diagnosis.fit_cache import FitCache
 from iris_sysid.diagnosis.kept_component import kept_effects
 from iris_sysid.diagnosis.library import EffectLibrary
 from iris_sysid.diagnosis.notes import diagnostic_notes, negative_damping_note, weak_notes
-from iris_sysid.diagnosis.open_world import Judgement, OpenWorld, starts_of, unexplained, with_others
+from iris_sysid.diagnosis.open_world import Judgement, OpenWorld, unexplained
 from iris_sysid.diagnosis.prediction_error import fitted_error
 from iris_sysid.diagnosis.refit import ModelWithEffects, pooled, with_free_geometry
 from iris_sysid.diagnosis.residual_components import clip_residual, components_of
@@ -150,7 +151,7 @@ def diagnose(
             if _is_complete(clips, search.reached[-1], base):
                 answer = _of_complete(cache, OpenWorld(cache, components), search.reached)
         if answer is not None and _residual_ratio(answer.final, base) > COMPLETE:
-            answer = None if answer.world.predicts_better(judgement.model, answer.final) else answer
+            answer = None if answer.world.shares.predicts_better(judgement.model, answer.final) else answer
     except STOPPED as why:
         answer, stopped = None, [budget.note(why)]
     budget.end()
@@ -182,11 +183,11 @@ def _complete_start(cache: FitCache, world: OpenWorld, judged: ModelWithEffects)
 
     Where the size of the noise is unsure, only the judged one counts.
     """
-    near = [model for model in world.tried if model.effects and _residual_ratio(model, world.base) <= COMPLETE]
+    near = [model for model in world.tried if model.effects and _residual_ratio(model, world.shares.base) <= COMPLETE]
     alone = [model for model in near if len(model.effects) == 1]
     searched = {model.key: model for model in (*best_first(near)[:LIKELIEST], *alone)}
     tried = [judged, *(_with_all_samples(cache, model) for model in searched.values())]
-    near = [model for model in tried if world.allows(model) and _residual_ratio(model, cache.base) <= COMPLETE]
+    near = [model for model in tried if world.shares.allows(model) and _residual_ratio(model, cache.base) <= COMPLETE]
     if near:
         return best_first(near)[0]
     return judged if _is_complete(cache.clips, judged, cache.base) else None
@@ -248,7 +249,7 @@ class _Answer:
     @property
     def heldout(self) -> tuple[tuple[float, float], tuple[float, float]]:
         """The errors over blocks left out without effects, and with them."""
-        return self.world.heldout(self.world.base), self.world.heldout(self.judged)
+        return self.world.shares.heldout(self.world.shares.base), self.world.shares.heldout(self.judged)
 
     def with_kept(self, cache: FitCache, kept: Sequence[Effect]) -> _Answer:
         """The answer with components that are kept as effects; unchanged where their fit fails."""
@@ -286,7 +287,7 @@ def _of_complete(cache: FitCache, world: OpenWorld, path: Sequence[ModelWithEffe
     shares = {}
     for effect in final.effects:
         decided = sure and _residual_ratio(world.without_absorbing(final, effect), cache.base) <= COMPLETE
-        shares[effect.name] = with_others(report.probabilities(effect), world.as_good_alone(final, effect, decided))
+        shares[effect.name] = world.rivals.with_alone(report.probabilities(effect), final, effect, sure=decided)
     rivals = {name: [other for other in names if other != name] for name, names in shares.items()}
     findings = world.of_complete(final, rivals, sure)
     said = {name for finding in findings if finding.word in ("named", "group") for name in finding.effects[:1]}
@@ -310,7 +311,7 @@ def _of_open(cache: FitCache, world: OpenWorld, judgement: Judgement) -> _Answer
     """The answer where nothing explains the data to the noise."""
     final = _with_all_samples(cache, judgement.model)
     if not final.effects:
-        judgement = Judgement(world.base, (), {})
+        judgement = Judgement(world.shares.base, (), {})
     order = {effect.name: k for k, effect in enumerate(judgement.model.effects)}
     final = replace(final, effects=tuple(sorted(final.effects, key=lambda effect: order[effect.name])))
     finals = tuple(
@@ -387,7 +388,7 @@ def _in_open_world(
     the components of the residual, which may have moved them.
     """
     sizes = {parameter.name for effect in judged.effects for parameter in effect.parameters}
-    estimates = world.errors(judged).estimates(k, fitted) if world.testable else {}
+    estimates = world.shares.errors(judged).estimates(k, fitted) if world.shares.testable else {}
     residual = clip_residual(clip, fitted)
     beside = None if residual is None else marginal(residual)
     if beside is not None:

@@ -1,0 +1,67 @@
+"""What the components of a residual say for or against an effect."""
+
+from __future__ import annotations
+
+from iris_sysid.types import Component, ComponentKind, Components, Effect
+
+EVIDENT_SHARE = 0.2  # of what is no noise, that a component must be for an effect that can imitate anything
+
+
+class ComponentSupport:
+    """Whether there is a component of the kind that an effect belongs to.
+
+    Parameters
+    ----------
+    components
+        Of the residual of the model without effects; None where they are not known.
+    is_driven
+        Whether something drives the motion: it then has pieces of its own at any moment.
+    """
+
+    def __init__(self, components: Components | None, is_driven: bool) -> None:
+        self._components, self._is_driven = components, is_driven
+
+    @property
+    def known(self) -> bool:
+        """Whether the residual was split into components."""
+        return self._components is not None
+
+    @property
+    def parts(self) -> tuple[Component, ...]:
+        """The components, the largest first; none where they are not known."""
+        return () if self._components is None else self._components.parts
+
+    @property
+    def kinds(self) -> set[ComponentKind]:
+        """The components of the residual, and those that can take their place."""
+        return {kind for part in self.parts for kind in (part.kind, *part.similar)}
+
+    def _large_kinds(self, of_range: bool) -> set[ComponentKind]:
+        """The same of the components that are a good part of what is no noise, and those that by their range can be."""
+        least = EVIDENT_SHARE * sum(part.share for part in self.parts)
+        large = [part for part in self.parts if part.share >= least]
+        possible = [part for part in self.parts if of_range and part.share_range[1] >= least]
+        return {kind for part in large for kind in (part.kind, *part.similar)} | {part.kind for part in possible}
+
+    @property
+    def never_turns(self) -> bool:
+        """Whether the motion is known to run one way only: there the components cannot tell forces from readings."""
+        return self._components is not None and not self._components.turns
+
+    @property
+    def turns(self) -> bool:
+        """Whether the motion is known to turn back."""
+        return self._components is not None and self._components.turns
+
+    def agrees(self, effect: Effect, *, of_range: bool = False) -> bool:
+        """Whether an effect is of a kind that the components have; on a motion that never turns, they cannot tell.
+
+        What can imitate anything must be a good part of the residual. Where the model explains the data to the noise,
+        the shares may lie anywhere in their ranges.
+        """
+        if effect.absorbs and self._is_driven:
+            return False
+        if self._components is None:
+            return True
+        kinds = self._large_kinds(of_range) if effect.absorbs else self.kinds
+        return bool(kinds) and (effect.component in kinds or not self._components.turns)

@@ -1,0 +1,211 @@
+"""The search for the effects that improve the prediction of blocks left out.
+
+Effects with a formula come first, one or two at a time, ranked to first order beside a flexible rest and refitted; then
+one effect in the place of several; then what can imitate a piece of anything.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from iris_sysid.diagnosis.component_support import ComponentSupport
+from iris_sysid.diagnosis.contributions import Contributions, is_surely_better, removed_share, starts_of
+from iris_sysid.diagnosis.fit_cache import FitCache
+from iris_sysid.diagnosis.held_out_blocks import ALIKE, SMALLEST_SHARE, SURE
+from iris_sysid.diagnosis.refit import ModelWithEffects, fitted_forms, forms
+from iris_sysid.diagnosis.residual_components import ranked_effects
+from iris_sysid.diagnosis.screening import Candidate
+from iris_sysid.types import Effect
+
+MAX_EFFECTS = 3  # that are kept
+AT_ONCE = 2  # effects that are tried together
+TRIED = 4  # best sets that are refitted in each round
+ABSORBING = 3  # effects that imitate anything, of which the best are refitted
+DISAGREES = 0.1  # factor on the odds of an effect of a kind that the components do not have
+
+
+class EffectSearch:
+    """The effects that the clips of a cache need, by what they predict.
+
+    Parameters
+    ----------
+    cache
+        Refits of the clips.
+    contributions
+        What each effect explains.
+    support
+        What the components say of it.
+
+    Attributes
+    ----------
+    reached
+        The best model so far; what there is where the search is stopped.
+    """
+
+    def __init__(self, cache: FitCache, contributions: Contributions, support: ComponentSupport) -> None:
+        self._cache, self._shares, self._support = cache, contributions, support
+        self.reached = cache.base
+
+    def run(self) -> ModelWithEffects:
+        """The model in the end; the base where no effect predicts better."""
+        return self._with_nuisances(self._in_one(self._pruned(self._with_formulas())))
+
+    def _with_formulas(self) -> ModelWithEffects:
+        """The base with the effects that have a formula and improve the prediction, one or two at a time."""
+        current = self._cache.base
+        while len(current.effects) < MAX_EFFECTS and not current.at_noise:
+            models = [model for model in self._refits(current) if len(model.effects) <= MAX_EFFECTS]
+            found = self._best(current, models)
+            if found is None:
+                break
+            self.reached = current = found
+        return current
+
+    def _refits(self, current: ModelWithEffects) -> list[ModelWithEffects]:
+        """Refits of the best sets of one and two more effects, ranked to first order beside a flexible rest."""
+        screening, testable = self._cache.screening(current), self._cache.testable(current)
+        names = [name for name in screening.names if name in testable and not self._shares.library[name].absorbs]
+        names = [name for name in names if self._cache.library.allows(screening.single(name)) or current.far_off]
+        effects = {name: (self._shares.library[name], screening.scores_of(name)[0].shape) for name in names}
+        odds = {name: float(np.log(self._shares.library[name].plausibility)) for name in names}
+        ranked = ranked_effects(self._cache.clips, current.fits, effects, odds, AT_ONCE)
+        singles = [each for each in ranked if len(each.sizes) == 1]
+        few = [each for each in ranked if each.sizes][:TRIED]
+        components, library = self._support.kinds, self._shares.library
+        located = [each for each in singles if library[next(iter(each.sizes))].component in components]
+        chosen = [*few, *(each for each in [*singles[:AT_ONCE], *located[:TRIED]] if each not in few)]
+        chosen = list({each.names: each for each in chosen}.values())
+        models = [self._added(current, dict(each.sizes)) for each in chosen]
+        models += [
+            self._cache.with_free_form(current, each) for each in current.effects if self._may_be_freed(current, each)
+        ]
+        if current.far_off:  # what an effect removes to first order tells little along a motion that is far off
+            models += [self._cache.with_added(current, each) for each in self._cache.best_of(current, names)]
+        return [model for model in models if self._shares.allows(model)]
+
+    def _may_be_freed(self, current: ModelWithEffects, effect: Effect) -> bool:
+        """Whether an effect has a form that is not fitted, and was not found in another one near that already."""
+        if not forms(effect) or fitted_forms(effect):
+            return False
+        if effect.nearby is None:
+            return True
+        first = self._cache.screening(self._shares.base).scores_of(effect.name)
+        found = [start[effect.name][1] for start in starts_of(current, [effect])]
+        return all(np.allclose(shape, score.shape) for shape, score in zip(found, first, strict=True))
+
+    def _added(self, current: ModelWithEffects, sizes: dict[str, float]) -> ModelWithEffects:
+        screening = self._cache.screening(current)
+        shapes = {name: screening.scores_of(name) for name in sizes}
+        starts = tuple(
+            {name: (size, shapes[name][k].shape) for name, size in sizes.items()} for k in range(len(current.fits))
+        )
+        return self._cache.with_added(current, Candidate(tuple(sizes), starts, 0.0, 1.0))
+
+    def _best(self, current: ModelWithEffects, models: Sequence[ModelWithEffects]) -> ModelWithEffects | None:
+        """The simplest model within one block standard error of the best of those that predict surely better.
+
+        Models are compared to first order; the one that is chosen must hold in fits without each block as well.
+        """
+        better = [
+            model
+            for model in models
+            if self._shares.allows(model)
+            and model.key != current.key
+            and removed_share(current, model) >= SMALLEST_SHARE
+            and is_surely_better(model, self._shares.estimate(model), self._shares.estimate(current))
+        ]
+        while better:
+            found = self._simplest(better)
+            if is_surely_better(found, self._shares.errors(found), self._shares.errors(current)):
+                return found
+            better.remove(found)
+        return None
+
+    def _simplest(self, models: Sequence[ModelWithEffects]) -> ModelWithEffects:
+        """Of those near the best, one with the fewest effects; of those about as good, the most plausible."""
+        best = min(models, key=lambda model: self._shares.estimate(model).mean)
+        near = [model for model in models if self._is_near(model, best)]
+        fewest = min(len(model.effects) for model in near)
+        simple = [model for model in near if len(model.effects) == fewest]
+        least = min(self._shares.estimate(model).mean for model in simple)
+        alike = [model for model in simple if self._shares.estimate(model).mean <= ALIKE * least]
+        return max(alike, key=lambda model: (self._plausibility(model), -self._shares.estimate(model).mean))
+
+    def _plausibility(self, model: ModelWithEffects) -> float:
+        """The odds of all effects before the data, less where the components do not say that there is such a part."""
+        agrees = self._support.agrees
+        return math.prod(each.plausibility * (1.0 if agrees(each) else DISAGREES) for each in model.effects)
+
+    def _is_near(self, model: ModelWithEffects, best: ModelWithEffects) -> bool:
+        """Whether the best predicts no better than by a standard error, or removes hardly more of the residual."""
+        gain, stderr = self._shares.estimate(best).gain_over(self._shares.estimate(model))
+        least = SMALLEST_SHARE * self._shares.base.squares
+        return model is best or gain < stderr or model.squares - best.squares < least
+
+    def _in_one(self, current: ModelWithEffects) -> ModelWithEffects:
+        """One effect in the place of several, where these do not surely predict better.
+
+        One of the kind of the largest component also takes their place if they explain hardly more. Of those about as
+        good, one with a formula comes before what imitates anything.
+        """
+        if not current.effects:
+            return current
+        several = current.effects if len(current.effects) > 1 else ()
+        singles = [self._cache.with_effects([effect], starts_of(current, [effect])) for effect in several]
+        singles = [model for model in (*singles, *self._absorbing(self._cache.base)) if self._shares.allows(model)]
+        best = min(singles, key=lambda model: self._shares.estimate(model).mean, default=current)
+        if best is not current:
+            least = ALIKE * self._shares.estimate(best).mean
+            formulas = [model for model in singles if not model.effects[0].absorbs]
+            alike = [model for model in formulas if self._shares.estimate(model).mean <= least]
+            best = min(alike, key=lambda model: self._shares.estimate(model).mean, default=best)
+            if not several and best.effects[0].absorbs:  # a formula stays unless blocks say surely otherwise
+                is_better = is_surely_better(best, self._shares.errors(best), self._shares.errors(current))
+                return best if is_better else current
+            if self._is_main(best, current):
+                return best
+        is_better = self._shares.estimate(current).share_below(self._shares.estimate(best)) >= SURE
+        return current if is_better or not several else best
+
+    def _is_main(self, single: ModelWithEffects, several: ModelWithEffects) -> bool:
+        """Whether one effect is of the kind of the largest component, and explains nearly as much as several."""
+        if not self._support.turns or not self._support.parts:
+            return False
+        largest = self._support.parts[0]
+        if single.effects[0].component not in (largest.kind, *largest.similar):
+            return False
+        least = (1.0 - SMALLEST_SHARE) * removed_share(self._cache.base, several)
+        return removed_share(self._cache.base, single) >= least
+
+    def _with_nuisances(self, current: ModelWithEffects) -> ModelWithEffects:
+        """The model with what imitates anything added, or else in the place of another, where that predicts better."""
+        for _ in range(AT_ONCE):
+            if current.at_noise:
+                break
+            rests = (self._cache.without(current, effect) for effect in current.effects)
+            found = self._best(current, self._absorbing(current)) or self._best(
+                current, [model for rest in rests if rest.usable for model in self._absorbing(rest)]
+            )
+            if found is None:
+                break
+            self.reached = current = found
+        return current
+
+    def _absorbing(self, context: ModelWithEffects) -> list[ModelWithEffects]:
+        """Refits of the best few effects that imitate anything."""
+        screening, testable = self._cache.screening(context), self._cache.testable(context)
+        names = [name for name in screening.names if name in testable and self._shares.library[name].absorbs]
+        return [self._cache.with_added(context, screening.single(name)) for name in names[:ABSORBING]]
+
+    def _pruned(self, current: ModelWithEffects) -> ModelWithEffects:
+        """The model without the effects whose removal does not harm the prediction."""
+        for effect in current.effects:
+            if len(current.effects) < 2:
+                break
+            rest = self._cache.without(current, effect)
+            if rest.usable and self._shares.estimate(current).share_below(self._shares.estimate(rest)) < SURE:
+                current = rest
+        return current
