@@ -149,7 +149,7 @@ def diagnose(
         if start is not None:
             search.run(start, extend=_residual_ratio(start, base) <= COMPLETE)
             if _is_complete(clips, search.reached[-1], base):
-                answer = _of_complete(cache, OpenWorld(cache, components), search.reached)
+                answer = _of_complete(cache, OpenWorld(cache, components), world, search.reached)
         if answer is not None and _residual_ratio(answer.final, base) > COMPLETE:
             answer = None if answer.world.shares.predicts_better(judgement.model, answer.final) else answer
     except STOPPED as why:
@@ -273,7 +273,9 @@ class _Answer:
         )
 
 
-def _of_complete(cache: FitCache, world: OpenWorld, path: Sequence[ModelWithEffects]) -> _Answer | None:
+def _of_complete(
+    cache: FitCache, world: OpenWorld, searched: OpenWorld, path: Sequence[ModelWithEffects]
+) -> _Answer | None:
     """The answer where the library explains the data to the noise: a likelihood can compare its effects.
 
     None where that is so only with effects whose intervals hold zero, or with effects that can imitate anything and
@@ -287,7 +289,9 @@ def _of_complete(cache: FitCache, world: OpenWorld, path: Sequence[ModelWithEffe
     shares = {}
     for effect in final.effects:
         decided = sure and _residual_ratio(world.without_absorbing(final, effect), cache.base) <= COMPLETE
-        shares[effect.name] = world.rivals.with_alone(report.probabilities(effect), final, effect, sure=decided)
+        odds = world.rivals.with_alone(report.probabilities(effect), final, effect, sure=decided)
+        # most effects were fitted alone only in the search
+        shares[effect.name] = searched.rivals.with_alone(odds, final, effect, sure=decided)
     rivals = {name: [other for other in names if other != name] for name, names in shares.items()}
     findings = world.of_complete(final, rivals, sure)
     said = {name for finding in findings if finding.word in ("named", "group") for name in finding.effects[:1]}
