@@ -25,7 +25,7 @@ from iris_sysid.diagnosis.fit_cache import FitCache
 from iris_sysid.diagnosis.kept_component import kept_effects
 from iris_sysid.diagnosis.library import EffectLibrary
 from iris_sysid.diagnosis.notes import diagnostic_notes, negative_damping_note, weak_notes
-from iris_sysid.diagnosis.open_world import Judgement, OpenWorld, unexplained
+from iris_sysid.diagnosis.open_world import Judgement, OpenWorld, with_components
 from iris_sysid.diagnosis.prediction_error import fitted_error
 from iris_sysid.diagnosis.refit import ModelWithEffects, pooled, with_free_geometry
 from iris_sysid.diagnosis.residual_components import clip_residual, components_of
@@ -444,7 +444,7 @@ def _diagnosis(
         ),
         components=components,
         remaining=remaining,
-        findings=(*answer.findings, *unexplained(components, remaining)),
+        findings=with_components(answer.findings, components, remaining),
         nuisances=answer.nuisances,
     )
 

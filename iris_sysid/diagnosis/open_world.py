@@ -230,18 +230,33 @@ class OpenWorld:
         return max(model.effects, key=lambda effect: (not effect.absorbs, self.shares.alone(model, effect)))
 
 
-def unexplained(base: Components | None, remaining: Components | None) -> tuple[Finding, ...]:
-    """The components that remain with all effects of a model, with their shares in the residual without them.
+def with_components(
+    findings: Sequence[Finding], base: Components | None, remaining: Components | None
+) -> tuple[Finding, ...]:
+    """The findings on effects and on components for which none is named, each with its share in the residual.
+
+    Those are the components that remain with all effects. Where no effect is named, the components of the whole
+    residual come first: what only fits does not explain them.
 
     Parameters
     ----------
+    findings
+        One an effect.
     base, remaining
         The components without the effects, and with them.
     """
     if base is None or remaining is None or not base.residual_rms > 0:
-        return ()
-    whole = (remaining.residual_rms / base.residual_rms) ** 2
-    return tuple(_located(part, whole * part.share) for part in remaining.parts if whole * part.share >= LOCATED_SHARE)
+        return tuple(findings)
+    if any(finding.word in ("named", "group") for finding in findings):
+        whole = (remaining.residual_rms / base.residual_rms) ** 2
+        return (*findings, *_unnamed(remaining, whole))
+    told = {finding.component for finding in findings}
+    return (*(each for each in _unnamed(base, 1.0) if each.component not in told), *findings)
+
+
+def _unnamed(components: Components, whole: float) -> list[Finding]:
+    shares = [(part, whole * part.share) for part in components.parts]
+    return [_located(part, share) for part, share in shares if share >= LOCATED_SHARE]
 
 
 def _weak_finding(effect: Effect, share: float, odds: Mapping[str, float]) -> Finding:

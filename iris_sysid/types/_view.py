@@ -52,7 +52,8 @@ class View:
     def __post_init__(self) -> None:
         for field in fields(self):
             value = getattr(self, field.name)
-            if isinstance(value, (tuple, float)) and not np.all(np.isfinite(value)):
+            numbers = value if isinstance(value, tuple) else (value,) if isinstance(value, float) else ()
+            if not all(map(math.isfinite, numbers)):
                 raise DataError(f"{field.name} of a view must be finite, not {value}")
         if not (self.focal_px > 0 and min(self.size_px) > 0):
             raise DataError(f"a view needs a focal length and a picture above zero: {self.focal_px:g}, {self.size_px}")
@@ -205,22 +206,24 @@ def kind_of(quantities: Sequence[Quantity]) -> ViewKind | None:
 def _circle_centre(points_px: Array, start_px: Array, radius: float | None) -> Array:
     """Centre (2,) px of the circle through points (n, 2) by least squares; where it starts if they fix none.
 
-    The normal equations of the two coordinates are written out, without the radius where that is free: the fit of an
-    effect asks for thousands of circles.
+    The normal equations of the two coordinates, as one complex number, are written out, without the radius where that
+    is free: the fit of an effect asks for thousands of circles.
     """
-    (x, y), centre = points_px.T, start_px
+    points, n = points_px[:, 0] + 1j * points_px[:, 1], len(points_px)
+    centre = complex(*start_px)
     for _ in range(CIRCLE_STEPS):
-        across, up = x - centre[0], y - centre[1]
-        distance = np.hypot(across, up)
-        across, up = across / distance, up / distance
+        outward = points - centre
+        distance = np.abs(outward)
+        outward /= distance
+        total, turned, left = float(n), complex(outward @ outward), complex(outward @ distance)
         if radius is None:
-            across, up, left = across - across.mean(), up - up.mean(), distance - distance.mean()
+            mean = complex(outward.sum()) / n
+            total, turned = total - n * abs(mean) ** 2, turned - n * mean * mean
+            left -= mean * float(distance.sum())
         else:
-            left = distance - radius
-        a, b, c = across @ across, across @ up, up @ up
-        determinant = a * c - b * b
-        if not (a + c < np.inf and determinant * WORST_FIXED > (a + c) ** 2):
+            left -= radius * complex(outward.sum())
+        determinant = (total * total - abs(turned) ** 2) / 4
+        if not determinant * WORST_FIXED > total * total:
             return start_px
-        first, second = across @ left, up @ left
-        centre = centre + np.array([c * first - b * second, a * second - b * first]) / determinant
-    return centre
+        centre += (total * left - turned * left.conjugate()) / (2 * determinant)
+    return np.array([centre.real, centre.imag])
