@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from iris_sysid.diagnosis.diagnose import COMPLETE, diagnose
+from iris_sysid.diagnosis.open_world import with_components
 from iris_sysid.registry import EFFECTS
-from iris_sysid.types import Array
+from iris_sysid.types import Array, Component, Components, Finding
 from tests.diagnosis.test_hold_out import NOISE, SWING, T_S, VALUES, table
 from validation.independent.motions import integrate
 
@@ -77,3 +78,34 @@ def test_clean_motion_leaves_nothing_to_be_said():
     found = diagnose(table(motion(None)), "pendulum", effects=LIBRARY)
     assert (found.added, found.nuisances, found.findings) == ((), (), ())
     assert found.after.heldout == pytest.approx(NOISE, rel=0.12)
+
+
+def _parts(rms: float, *parts: Component) -> Components:
+    noise = 1.0 - sum(part.share for part in parts)
+    return Components(parts, noise, rms, noise**0.5 * rms, 1.0, "rad", 0.0)
+
+
+WANDER = Component("zero-wander", 0.95, (0.9, 0.98), 0.019, 1.0)
+FITS_ONLY = Finding("located", "periodic-force", ("periodic-forcing",), 0.98, "the interval of its size holds zero")
+DRAG_NAMED = Finding("named", "force-of-velocity", ("quadratic-drag",), 0.9)
+
+
+def test_parts_of_the_residual_are_told_first_where_no_effect_is_named():
+    every = with_components([FITS_ONLY], _parts(0.02, WANDER), _parts(0.003))
+    assert [(each.word, each.component, each.effects) for each in every] == [
+        ("located", "zero-wander", ()),
+        ("located", "periodic-force", ("periodic-forcing",)),
+    ]
+
+
+def test_part_is_told_once_where_an_effect_of_its_kind_fits():
+    camera = Finding("located", "zero-wander", ("camera-drift",), 0.9)
+    assert with_components([camera], _parts(0.02, WANDER), _parts(0.003)) == (camera,)
+
+
+def test_beside_a_named_effect_only_what_is_left_is_told():
+    every = with_components([DRAG_NAMED], _parts(0.02, WANDER), _parts(0.01, WANDER))
+    assert [(each.component, each.share) for each in every] == [
+        ("force-of-velocity", 0.9),
+        ("zero-wander", pytest.approx(0.95 / 4)),
+    ]
