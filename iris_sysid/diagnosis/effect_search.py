@@ -51,11 +51,13 @@ class EffectSearch:
 
     def run(self) -> ModelWithEffects:
         """The model in the end; the base where no effect predicts better."""
-        return self._with_nuisances(self._in_one(self._pruned(self._with_formulas())))
+        current = self._in_one(self._pruned(self._with_formulas(self._cache.base)))
+        if any(effect.absorbs for effect in current.effects):  # it took the place of formulas: others act beside it
+            current = self._with_formulas(current)
+        return self._with_nuisances(current)
 
-    def _with_formulas(self) -> ModelWithEffects:
-        """The base with the effects that have a formula and improve the prediction, one or two at a time."""
-        current = self._cache.base
+    def _with_formulas(self, current: ModelWithEffects) -> ModelWithEffects:
+        """The model with the effects that have a formula and improve the prediction, one or two at a time."""
         while len(current.effects) < MAX_EFFECTS and not current.at_noise:
             models = [model for model in self._refits(current) if len(model.effects) <= MAX_EFFECTS]
             found = self._best(current, models)
