@@ -36,7 +36,7 @@ class GroupRequest:
     calibration: Calibration | None = None
     settings: Mapping[str, Estimate] = field(default_factory=dict)
     free: tuple[str, ...] = ()
-    track: TrackOptions = field(default_factory=TrackOptions)
+    tracking: TrackOptions = field(default_factory=TrackOptions)
     clip: ClipOptions = field(default_factory=ClipOptions)
     geometry: GeometryOptions = field(default_factory=GeometryOptions)
     columns: Mapping[str, str] | None = None

@@ -194,7 +194,7 @@ def _of_a_clip(group: Group, folder: Path, corrected: Sequence[Track]) -> Measur
     if corrected:
         chain = partial(run_tracked, open_clip(path, request.clip), corrected, request.phenomenon, source=path)
     else:
-        chain = partial(run, path, request.phenomenon, options=request.track)
+        chain = partial(run, path, request.phenomenon, options=request.tracking)
     result = chain(
         calibration=request.calibration,
         settings=request.settings,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,6 +15,7 @@ from iris_sysid.errors import DataError
 from iris_sysid.units import UNSIGNED
 
 if TYPE_CHECKING:
+    from iris_sysid.cli.arguments import RecordArguments
     from iris_sysid.types import Estimate, Hold, OdeModel, Trajectory, Validation
 
 HOLDS: dict[str, Hold | None] = {"zero": "zero-order", "linear": "linear", "auto": None}
@@ -22,10 +24,17 @@ SHARE = re.compile(rf"(?P<number>{UNSIGNED})\s*+(?P<percent>%)?+")
 SAMPLE_TIME = re.compile(rf"(?P<number>{UNSIGNED})\s*+(?P<unit>s|ms)?+")
 
 
-def checked_hold(hold: str) -> None:
-    """DataError where the option ``--hold`` is none of the words that it may be."""
-    if hold not in HOLDS:
-        raise DataError(f"inputs between samples are held: {', '.join(HOLDS)}, not {hold!r:.40}")
+def checked(record: RecordArguments) -> RecordArguments:
+    """The options with the sample time among the columns: the time from the number of the row.
+
+    Raises
+    ------
+    DataError
+        Where the hold is none of the words that it may be, or the sample time cannot be read.
+    """
+    if record.hold not in HOLDS:
+        raise DataError(f"inputs between samples are held: {', '.join(HOLDS)}, not {record.hold!r:.40}")
+    return replace(record, columns=with_sample_time(record.columns, record.sample_time), sample_time=None)
 
 
 def with_sample_time(columns: str | None, sample_time: str | None) -> str | None:

@@ -19,6 +19,7 @@ import typer
 from iris_sysid.errors import DataError, FitError, IrisError, OutputError
 
 if TYPE_CHECKING:
+    from iris_sysid.cli.arguments import WorkArguments
     from iris_sysid.types import FitResult, OdeModel, Track, Trajectory, Verdict
 
 NOT_GOOD = 3  # exit status with --strict
@@ -129,17 +130,12 @@ def refuse(options: Mapping[str, object], reason: str) -> None:
             raise DataError(f"{name} {reason}")
 
 
-def workers_of(workers: int | None, scheduler: str | None) -> int | str:
-    """The processes that do the work: their number here, or a scheduler, whose workers are counted on stderr.
-
-    Parameters
-    ----------
-    workers, scheduler
-        As typed; one process without either.
-    """
+def workers_of(work: WorkArguments) -> int | str:
+    """The processes that do the work: their number here, or a scheduler, whose workers are counted on stderr."""
+    scheduler = work.scheduler
     if scheduler is None:
-        return 1 if workers is None else workers
-    if workers is not None:
+        return work.workers or 1
+    if work.workers is not None:
         raise DataError("give --workers or --scheduler, not both: the workers of a scheduler are started apart")
     from iris_sysid.benchmark.cluster import connected
 
