@@ -65,7 +65,7 @@ ROUGH_WORK = 100_000  # samples times iterations after which a rough fit is not 
 HELD = 1e3  # weight at which a prior holds its value
 LOST = "no start led to the data, and where the search ended some values have no effect of their own"
 PRIOR_ROUNDS, SETTLED = 4, 0.02  # fits with a new weight of the priors, and its last relative change
-SMALLEST_DEVIATION = 3.0  # in units of the noise, for a sample to count as an outlier
+MIN_DEVIATION = 3.0  # in units of the noise, for a sample to count as an outlier
 
 
 def fit(
@@ -349,7 +349,7 @@ def _without_outliers(task: Task, solution: Solution, refinement: _Refinement) -
         outliers = np.zeros_like(candidates)
         if explains(solution, target):
             residual = (target.observed - solution.predicted) / target.sigma
-            outliers[candidates] = outliers_in_residual(residual[candidates], SMALLEST_DEVIATION)
+            outliers[candidates] = outliers_in_residual(residual[candidates], MIN_DEVIATION)
         is_finished = solution.converged if rough else solution.fine and _exact(solution, target)
         if is_finished and np.array_equal(candidates & ~outliers, target.used):
             break

@@ -17,7 +17,7 @@ from iris_sysid.units import rate_of
 
 TIME = "t"
 INPUT_NAME = re.compile(r"u[0-9]*")
-MOST_STATES = 12
+MAX_STATES = 12
 POSITIVE = ("sqrt", "log")
 ANYTHING = (float("-inf"), float("inf"))
 NO_UNITS: Mapping[str, str] = MappingProxyType({})
@@ -140,8 +140,8 @@ def _system(text: str) -> _System:
             reason = "has an equation already" if name in sides else "has a meaning of its own"
             raise ExpressionError(text, left.column, f"{name} {reason}")
         sides[name] = order, right
-    if len(sides) > MOST_STATES:
-        raise ExpressionError(text, 0, f"more than {MOST_STATES} equations")
+    if len(sides) > MAX_STATES:
+        raise ExpressionError(text, 0, f"more than {MAX_STATES} equations")
     system = _System(text, MappingProxyType(sides))
     for _, side in sides.values():
         for part in side.names():

@@ -7,7 +7,6 @@ import io
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -139,7 +138,7 @@ def diagnose_each(
     _check_names([table.name for table in tables])
     if not (root / SUMMARY).is_file():
         _check_outputs(root, tables, overwrite=overwrite)
-    batch = Batch(root, DiagnoseEach(prepare), _lost, reads=partial(_earlier, root), last=_last)
+    batch = Batch(root, DiagnoseEach(prepare), _lost)
     try:
         _write_summary(root, [])
         for table, reason in with_progress(side_by_side(batch, tables, workers), progress, len(tables)):
@@ -169,15 +168,6 @@ def _is_done(folder: Path, clip: Trajectory) -> bool:
         return read_document(folder / DOCUMENT, DiagnosisDocument).origin == plain_origin(clip.origin)
     except IrisError:
         return False
-
-
-def _earlier(root: Path, table: NamedTable) -> list[str]:
-    """The document of an earlier run that wrote all files."""
-    return [f"{table.name}/{DOCUMENT}"] if (root / table.name / PAGE).is_file() else []
-
-
-def _last(table: NamedTable) -> list[str]:
-    return [f"{table.name}/{PAGE}"]
 
 
 def _lost(folder: Path, table: NamedTable) -> str:

@@ -121,7 +121,7 @@ def render_dataset(
     _claim(root, options)
     missing = [job for job in jobs if not (root / job.place).exists()]
     with _workshop(root):
-        batch = Batch(root, _attempt, _lost, last=lambda job: (job.place,))
+        batch = Batch(root, _attempt, _lost)
         outcomes = side_by_side(batch, missing, workers)
         _check_all(with_progress(outcomes, progress, len(jobs), done=len(jobs) - len(missing)))
     _write_parameters(root)

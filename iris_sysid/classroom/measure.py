@@ -107,7 +107,7 @@ def measure_groups(
     """
     check_workers(workers)
     root, now = Path(folder), 0
-    batch = Batch(root, _measured_now, _lost, reads=_kept_files, last=lambda group: (_place(group, DOCUMENT),))
+    batch = Batch(root, _measured_now, _lost)
     for group, (measured_now, reason) in with_progress(side_by_side(batch, groups, workers), progress, len(groups)):
         now += measured_now
         if reason and tell is not None:
@@ -122,10 +122,6 @@ def page_of(group: Group) -> str:
 
 def _place(group: Group, name: str) -> str:
     return f"{GROUPS}/{group.source.folder}/{name}"
-
-
-def _kept_files(group: Group) -> list[str]:
-    return [_place(group, DOCUMENT), _place(group, PAGE)]
 
 
 def _measured_now(root: Path, group: Group) -> tuple[bool, str]:

@@ -17,7 +17,7 @@ from iris_sysid.report.page import png_of
 from iris_sysid.report.text import with_error
 from iris_sysid.types import Calibration
 
-SMALLEST_TURN = 1e-6  # rad; below it the world is turned by definition, not by measurement
+MIN_TURN = 1e-6  # rad; below it the world is turned by definition, not by measurement
 DRAWINGS = ("camera", "board", "grid")
 
 
@@ -82,7 +82,7 @@ def text_of(calibration: Calibration, *, json: bool = False) -> str:
     if json:
         return document_text(calibration_document(calibration)).rstrip("\n")
     geometry = local_geometry(calibration, calibration.centre_px)
-    shown = {name: value for name, value in geometry.items() if name != "turn_rad" or value.stderr > SMALLEST_TURN}
+    shown = {name: value for name, value in geometry.items() if name != "turn_rad" or value.stderr > MIN_TURN}
     x, y = calibration.centre_px
     rows = [f"{name:<10} {with_error(value)}" for name, value in shown.items()] + [f"at ({x:.0f}, {y:.0f}) px"]
     statements = [f"fixed by the data: {', '.join(fixed_by_data(calibration))}"]

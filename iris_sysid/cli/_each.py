@@ -83,8 +83,8 @@ class EachRequest:
     """The options of ``diagnose``, as typed; ``own_files`` are the hashes of the user's files among them."""
 
     stated: EquationArguments
-    record: RecordArguments = RecordArguments()
-    search: SearchArguments = SearchArguments()
+    record: RecordArguments = field(default_factory=RecordArguments)
+    search: SearchArguments = field(default_factory=SearchArguments)
     own_files: Sequence[str] = ()
 
 
