@@ -23,7 +23,7 @@ NO_PRIORS: Mapping[str, Estimate] = MappingProxyType({})
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Selection:
-    """Samples ``start`` to ``stop - 1`` of a trajectory, of which ``used`` (n of the trajectory) can be fitted."""
+    """Samples ``start`` to ``stop - 1`` of a trajectory; ``used`` (n of the trajectory) says which can be fitted."""
 
     start: int
     stop: int

@@ -49,13 +49,13 @@ MAX_ORDER = 2  # of the autoregression of the noise beside the forms
 STEP = 1e-5  # relative, of an initial state
 STEADY = 1e-6  # of the largest state: a state that changes by less has a step of its own
 WORST_CONDITION = 1e8  # of the transition matrix, which loses digits as initial conditions decay
-IMITATED = 0.01  # a form of which the values imitate all but this fraction redefines them: no discrepancy
+IMITATED = 0.01  # a form that the values imitate but for this fraction redefines them: no discrepancy
 SOFT = 0.05  # of the largest speed, within which dry friction turns over
 SIZES = (1e-6, 10.0)  # of the discrepancy, relative to the forces and the range of the motion
 # Samples that a misfit counts for when forms are weighed against each other: with fewer every form counts, with more
 # only the best. 10 covers on the looked-at cases of `python -m validation.misfit`.
 INDEPENDENT = 10.0
-MAX_TIMES = 3.0  # the coefficient of the form that explains most: what is missing is hardly larger
+MAX_TIMES = 3.0  # the coefficient of the form that explains most: what is missing is rarely larger
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -199,7 +199,7 @@ class _Noise:
 
 
 def _low_order(residual: Array, basis: Array) -> Autoregression:
-    """Autoregression of a residual (n,), NaN in gaps, of which most of what is slow lies in a basis (n, r).
+    """Autoregression of a residual (n,), NaN in gaps, whose slow part mostly lies in a basis (n, r).
 
     Of restricted maximum likelihood, which counts what the basis took.
     """
@@ -227,7 +227,7 @@ def _discrepancy(
     left, singular, right = np.linalg.svd(white[:, 1:], full_matrices=False)
     along = left.T @ white[:, 0]
     size, log_ratio = _size(along, singular)
-    # Forms that are hardly seen must not grow all the others: a usual one makes the residual by itself at this size.
+    # Forms that barely show must not grow all the others: a usual one makes the residual by itself at this size.
     size = min(size, float(np.linalg.norm(white[:, 0]) / np.median(np.linalg.norm(white[:, 1:], axis=0))))
     size = min(size, MAX_TIMES * _of_the_best(white[:, 0], white[:, 1:]))
     moment = _spread_over_all(along, singular, moves @ right.T, size)
@@ -240,7 +240,7 @@ def _discrepancy(
 
 
 def _of_the_best(residual: Array, forms: Array) -> float:
-    """The coefficient of the form (m, c) that explains most of a residual (m,): what is missing is hardly larger."""
+    """The coefficient of the form (m, c) that explains most of a residual (m,): what is missing is rarely larger."""
     squares = np.sum(forms**2, axis=0)
     products = np.abs(residual @ forms)
     best = int(np.argmax(products**2 / np.maximum(squares, 1e-300)))

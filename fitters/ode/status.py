@@ -238,7 +238,7 @@ def above_rounding(rms: Array, size: Array) -> bool:
 
 
 def needed_samples(n_observed: int, n_free: int) -> int:
-    """Smallest number of samples of so many quantities for so many unknowns."""
+    """Smallest number of samples of ``n_observed`` quantities for ``n_free`` unknowns."""
     return -(-n_free // n_observed) + SPARE
 
 

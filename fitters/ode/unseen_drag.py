@@ -24,7 +24,7 @@ UNSEEN_DRAG = "drag that the data cannot rule out"
 AIR = 1.2  # kg/m^3, at sea level and 20 degrees
 COEFFICIENTS = 0.1, 2.0  # of drag: a streamlined body, and a plate across the wind (Hoerner 1965, Fluid-Dynamic Drag)
 # Drag over mass, 1/m: a steel ball of 2 cm has 0.002, a table tennis ball 0.12, a balloon 2.
-LEAST, MOST = 0.002, 2.0
+MIN_DRAG, MAX_DRAG = 0.002, 2.0
 NEGLIGIBLE = 0.2  # probability, before the data, that there is no drag to speak of: a heavy body, or a slow one
 GRID = 200
 
@@ -32,7 +32,7 @@ GRID = 200
 def unseen_drag(task: Task, target: Target, solution: Solution, sensitivity: Array, usable: Mask) -> Array | None:
     """Change (k,) of the free values for one standard error of a drag that is not in the equation.
 
-    None for a motion that is no free fall with gravity estimated; NaN for values at a bound.
+    None for a motion other than a free fall with gravity estimated; NaN for values at a bound.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def unseen_drag(task: Task, target: Target, solution: Solution, sensitivity: Arr
 def drag_response(task: Task, target: Target, solution: Solution, estimated: Collection[str]) -> Array | None:
     """What a unit of drag adds to the used samples (n * d,), in units of sigma.
 
-    None for a motion that is no free fall with gravity estimated.
+    None for a motion other than a free fall with gravity estimated.
 
     Parameters
     ----------
@@ -118,14 +118,19 @@ def prior_of(trajectory: Trajectory, gravity: float) -> tuple[float, float, floa
     mass, radius = stated.get("mass"), stated.get("ball_radius")
     metres = STANDARD_GRAVITY / max(abs(gravity), 1e-9)
     if mass is None or radius is None or not (mass.value > 0 and radius.value > 0):
-        return LEAST * metres, MOST * metres, NEGLIGIBLE
+        return MIN_DRAG * metres, MAX_DRAG * metres, NEGLIGIBLE
     area = np.pi * radius.value**2
     least, most = (float(0.5 * AIR * coefficient * area / mass.value * metres) for coefficient in COEFFICIENTS)
     return least, most, 0.0
 
 
 def root_mean_square(
-    residual: Array, unseen: Array, count: int, least: float = LEAST, most: float = MOST, negligible: float = NEGLIGIBLE
+    residual: Array,
+    unseen: Array,
+    count: int,
+    least: float = MIN_DRAG,
+    most: float = MAX_DRAG,
+    negligible: float = NEGLIGIBLE,
 ) -> float:
     """Root of the mean square of k, from its prior and what a residual says of it, in noise of unknown size.
 

@@ -43,7 +43,7 @@ class _System:
 
     @property
     def others(self) -> list[str]:
-        """Names that are no states, in the order in which they appear."""
+        """Names other than those of states, in the order in which they appear."""
         names = [part.head for _, side in self.sides.values() for part in side.names()]
         return list(dict.fromkeys(name for name in names if name not in self.states and name != TIME))
 

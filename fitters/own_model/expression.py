@@ -31,7 +31,7 @@ PRECEDENCE = {"+": 1, "-": 1, "*": 2, "/": 2, "negative": 2, "^": 4}
 
 
 class ExpressionError(DataError):
-    """A text that is no expression; the message says at which column, and what stands there."""
+    """A text that is not an expression; the message names the column and the sign there."""
 
     def __init__(self, text: str, column: int, reason: str) -> None:
         there = "".join(letter if letter.isprintable() else "?" for letter in text[column : column + 20])

@@ -174,7 +174,7 @@ def diagnosis_page(
 
 
 def headline(diagnosis: Diagnosis) -> str:
-    """The answer in one sentence: what is said of the largest part of the residual, or that it is noise."""
+    """The answer in one sentence: the finding on the largest part of the residual, or that it is noise."""
     findings = sorted(diagnosis.findings, key=lambda finding: BEST_FIRST.index(finding.word))
     if diagnosis.components is not None and findings:
         return finding_sentence(findings[0], diagnosis)

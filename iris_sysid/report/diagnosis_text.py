@@ -1,4 +1,4 @@
-"""A diagnosis in words: the parts of the residual, what is said of each, the error before and after."""
+"""A diagnosis in words: the parts of the residual, the finding on each, the error before and after."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ TOO_SHORT = "The residual is too short to be split into parts."
 
 
 def diagnosis_sentence(diagnosis: Diagnosis) -> str:
-    """The diagnosis in a few sentences: the parts of the residual, what is said of each, the error before and after."""
+    """The diagnosis in a few sentences: the parts of the residual, the finding on each, the error before and after."""
     return " ".join(diagnosis_sentences(diagnosis))
 
 
@@ -174,7 +174,7 @@ def with_article(noun: str) -> str:
 
 
 def finding_sentence(finding: Finding, diagnosis: Diagnosis) -> str:
-    """One sentence for what is said of one part of the residual."""
+    """One sentence for the finding on one part of the residual."""
     reason = f": {finding.reason}" if finding.reason else ""
     removes = f"removes {percent(finding.share)} of the residual in samples held out"
     if finding.word == "open" or (finding.word != "located" and not finding.effects):

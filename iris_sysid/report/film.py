@@ -27,7 +27,7 @@ LONGEST_PX = 640  # side of a frame in the page
 MAX_BYTES = 1_400_000  # of all frames of a page, as JPEG
 QUALITY, STILL_QUALITY = 70, 82  # of the frames, and of the picture on top
 SHRINK, TRIES = 0.8, 6  # of the frames' sides, until they keep to the budget
-FEWEST = 5  # samples that show how coordinates lie in the image
+MIN_SAMPLES = 5  # samples that show how coordinates lie in the image
 MAX_OFF, MIN_PX = 0.03, 3.0  # largest rms error of that map, over the extent of the motion; smallest extent, px
 SEEN_PX = 8.0  # radius of the marker of a body whose own is not known, px of the clip
 BODIES = 4  # colours of bodies in the page
@@ -251,7 +251,7 @@ def model_px(track: Track, trajectory: Trajectory, fit: FitResult) -> tuple[Arra
         return np.where(inside[:, None], track.xy_px, np.nan), fit.predicted[:, 0]
     observed = trajectory.position[:, [trajectory.column(name) for name in names]]
     used = track.valid & trajectory.valid & fit.used
-    extent = float(np.max(np.ptp(track.xy_px[used], axis=0))) if used.sum() >= FEWEST else 0.0
+    extent = float(np.max(np.ptp(track.xy_px[used], axis=0))) if used.sum() >= MIN_SAMPLES else 0.0
     if extent < MIN_PX:
         return None, radius
     angles = [quantity.unit == "rad" for quantity in fit.model.observed]

@@ -63,7 +63,7 @@ class Tally:
 
     @property
     def lost(self) -> int:
-        """Packets that should have given an image and did not; those before the first key frame are no loss."""
+        """Packets that should have given an image and did not; those before the first key frame do not count."""
         lead = 0 if self.first_pts is None else sum(pts < self.first_pts for pts in self.early_pts)
         return self.packets - self.silent - lead - self.images
 

@@ -76,7 +76,7 @@ class ContainerSource:
 
     @property
     def expected(self) -> int:
-        """Number of frames that the header promises, or about so many by its duration; 0 when neither is there."""
+        """Number of frames that the header promises, or about that by its duration; 0 when neither is there."""
         return self.promise.frames
 
     @cached_property
@@ -280,7 +280,7 @@ def _why(path: Path, error: av.FFmpegError) -> str:
         return f"it is an MP4 without its index (moov box), as when recording or copying was cut off ({size} bytes)"
     if all(byte in b"\t\n\r\f" or 32 <= byte < 127 for byte in head):
         return f"it is a text file that begins with {head[:40].decode('ascii').split(chr(10))[0]!r}"
-    return f"it is no known video format, or its beginning is damaged ({error.strerror or error})"
+    return f"its format is unknown, or its beginning is damaged ({error.strerror or error})"
 
 
 def _has_box(path: Path, kind: bytes) -> bool:

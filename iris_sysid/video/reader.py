@@ -403,7 +403,7 @@ def open_video(
     Raises
     ------
     VideoError
-        When there is no such file; when it is no video, is empty, holds no image that can be decoded, or
+        When there is no such file; when it is not a video, is empty, holds no image that can be decoded, or
         claims images beyond 16384 px a side or 2^28 px; for images without ``fps``; for an archive that
         is damaged, encrypted, or too large; for a rate or times that make no sense.
     """
