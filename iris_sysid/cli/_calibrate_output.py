@@ -27,24 +27,7 @@ def plot_paths(output: Path) -> tuple[Path, ...]:
 
 
 def save(plane: CalibratedPlane, output: Path, *, plot: bool = False, overwrite: bool = False) -> list[Path]:
-    """Write calibration.json and, on request, its drawings beside it.
-
-    Parameters
-    ----------
-    plane
-        From :func:`iris_sysid.calibration.request.calibrate_plane`.
-    output
-        The file.
-    plot
-        Draw corners with their residuals, their coverage, and the world's grid.
-    overwrite
-        Replace files that exist.
-
-    Returns
-    -------
-    list of Path
-        The drawings.
-    """
+    """Write calibration.json and, with ``plot``, drawings beside it: corners, residuals, the grid; their paths."""
     figures = _figures(plane) if plot else {}
     write_calibration(plane.calibration, output, overwrite=overwrite)
     paths = dict(zip(DRAWINGS, plot_paths(output), strict=True))
@@ -65,19 +48,9 @@ def _figures(plane: CalibratedPlane) -> dict[str, Figure]:
 
 
 def text_of(calibration: Calibration, *, json: bool = False) -> str:
-    """A calibration as text for a terminal.
+    """Doubts, then scale, stretch, shear and turn with their standard errors, what the data fix, assumptions, notes.
 
-    Parameters
-    ----------
-    calibration
-        Of the plane.
-    json
-        Return calibration.json instead.
-
-    Returns
-    -------
-    str
-        Doubts, then scale, stretch, shear and turn with their standard errors, what the data fix, assumptions, notes.
+    The content of calibration.json instead with ``json``.
     """
     if json:
         return document_text(calibration_document(calibration)).rstrip("\n")

@@ -80,14 +80,7 @@ def _scale_of(given: Mapping[str, str]) -> dict[str, Any]:
 def references(phenomenon: Phenomenon, known: Sequence[str], value: str | None) -> dict[str, Estimate]:
     """What the class should find, by name; UnknownNameError for a name that the phenomenon's model does not have.
 
-    Parameters
-    ----------
-    phenomenon
-        What the groups measured.
-    known
-        Values as typed.
-    value
-        Name of the value to compare, to be checked as well.
+    ``value`` is the name of the value to compare, which is checked as well.
     """
     model = MODELS[phenomenon.model]
     units = model.units() | {quantity.name: quantity.unit for quantity in model.derived}
@@ -101,23 +94,9 @@ def references(phenomenon: Phenomenon, known: Sequence[str], value: str | None) 
 def groups_of(
     path: Path, options: ClassOptions, column: str | None, teacher: str | None
 ) -> tuple[list[Group], Group | None]:
-    """The groups of a class, and the teacher's own.
+    """The groups of a class, and the teacher's own: one of the groups, or a file.
 
-    Parameters
-    ----------
-    path
-        A folder, or a table of all groups.
-    options
-        That hold for all of them.
-    column
-        Of a table, that names the groups.
-    teacher
-        A group of the class, or a file of its own.
-
-    Raises
-    ------
-    DataError
-        When there is no group, or groups.csv cannot be read.
+    Raises a DataError when there is no group, or groups.csv cannot be read.
     """
     sources = sources_in(path, column)
     given = _given(path, sources) if path.is_dir() else {}

@@ -91,23 +91,7 @@ class EachRequest:
 def diagnose_clips(
     clips: Sequence[Path], output: Path, request: EachRequest, workers: int | str, *, force: bool, json: bool
 ) -> bool:
-    """Diagnose every table of some paths by itself, and print the summary; whether all are good and complete.
-
-    Parameters
-    ----------
-    clips
-        Tables, folders of tables, folders of run.
-    output
-        Folder of the results.
-    request
-        Options of each diagnosis.
-    workers
-        Number of processes, or a scheduler.
-    force
-        Replace what no batch wrote.
-    json
-        Print the rows as JSON.
-    """
+    """Diagnose every table of some paths by itself, and print the summary; whether all are good and complete."""
     from iris_sysid.benchmark.clip_folders import is_dataset, tables_in
     from iris_sysid.benchmark.diagnose_each import COLUMNS, FAILED, INCOMPLETE, NamedTable, diagnose_each
     from iris_sysid.registry import EFFECTS
@@ -163,16 +147,7 @@ def _model_of_all(tables: Sequence[Path], request: EachRequest) -> Model | None:
 def prepared(request: EachRequest, model: Model | None, effects: tuple[Effect, ...], table: Path) -> DiagnosisRequest:
     """Read a table, and give it the options of its diagnosis.
 
-    Parameters
-    ----------
-    request
-        The options as typed.
-    model
-        The model of all tables, with the constants estimated by default; None where each has its own.
-    effects
-        The user's own.
-    table
-        Its path.
+    ``model`` is that of all tables, with the constants estimated by default; None where each has its own.
     """
     from iris_sysid.benchmark.diagnose_each import DiagnosisRequest
     from iris_sysid.cli import _parsing, _records

@@ -24,12 +24,7 @@ def stated_model(
 ) -> tuple[OdeModel, Sequence[str]]:
     """The model to diagnose, and the constants that its phenomenon estimates by default.
 
-    Parameters
-    ----------
-    stated, phenomenon, columns
-        As typed.
-    clips
-        Tables and folders; without a model, an equation and a phenomenon they are those of run.
+    Without a model, an equation and a phenomenon it is that of run.
     """
     from iris_sysid.benchmark.clip_folders import tables_in
     from iris_sysid.registry import MODELS, PHENOMENA
@@ -64,12 +59,7 @@ def model_of_runs(clips: Sequence[Path]) -> str:
 def model_of_fit(document: FitDocument, clip: Trajectory) -> OdeModel:
     """The model of a fit on disk, without effects: registered, of a FILE.py, or of an equation, as it was typed then.
 
-    Parameters
-    ----------
-    document
-        The fit; its origin records the options.
-    clip
-        Gives an equation its units.
+    The clip gives an equation its units.
     """
     from iris_sysid.registry import MODELS, PHENOMENA
 

@@ -23,12 +23,7 @@ ONE_OF = "Missing option '--model', or --equation \"theta'' = -g/L*sin(theta)\""
 def check_one(stated: EquationArguments, other: str | None = None) -> None:
     """Refuse all but either a model or an equation that can be read, and bounds only with the latter.
 
-    Parameters
-    ----------
-    stated
-        As typed.
-    other
-        What names a model in another way.
+    ``other`` names a model in another way.
     """
     model = stated.model or other
     if model is None and stated.equation is None:
@@ -59,12 +54,7 @@ def parsed_bounds(texts: Sequence[str]) -> dict[str, tuple[float, float]]:
 def model_of(stated: EquationArguments, table: Path, columns: str | None) -> OdeModel:
     """The model of an equation for a table, which gives the units of what it holds.
 
-    Parameters
-    ----------
-    stated, columns
-        As typed; a unit in ``--set g=9.81m/s^2`` is that of the parameter.
-    table
-        The first table that will be fitted.
+    A unit in ``--set g=9.81m/s^2`` is that of the parameter.
     """
     from iris_sysid.io.csv_read import read_trajectory
     from iris_sysid.io.table_headers import parse_columns

@@ -194,17 +194,7 @@ class FilmArguments(ModelArguments, TrackerArguments, ClipArguments, ScaleArgume
     def request(
         self, phenomenon: Phenomenon | None, bodies: int | None = None, progress: Progress | None = None
     ) -> FilmRequest:
-        """Read the options.
-
-        Parameters
-        ----------
-        phenomenon
-            What is filmed; None where that is still to be chosen.
-        bodies
-            Number of bodies to track; by default those of the phenomenon.
-        progress
-            Called with (frames done, frames expected).
-        """
+        """Read the options; ``phenomenon`` is None where it is still to be chosen."""
         from iris_sysid.cli import _parsing
         from iris_sysid.pipeline import accepted_settings
         from iris_sysid.registry import TRACKERS
