@@ -11,9 +11,10 @@ import scipy.stats
 from tests._experiments import EXPERIMENTS, repeated
 
 LEVEL = 1e-4
-# Of white noise, 400: a true coverage of 88 % is found in 95 of 100 such tests, a scatter 20 % above the bound in 98.
-# Of correlated noise, 200: a true coverage of 85 % is found in 92 of 100.
-EXPERIMENTS_OF = {0.0: 400, 0.9: 200}
+# Of white noise, 200: a true coverage of 85 % is found in 86 of 100 such tests, a scatter 30 % above the bound in 94.
+# Of correlated noise, 100: a true coverage of 80 % is found in 87 of 100. Smaller shortfalls that models have in common
+# are found by the last test.
+EXPERIMENTS_OF = {0.0: 200, 0.9: 100}
 
 
 def ratio_limits(n):
@@ -40,6 +41,6 @@ def test_intervals_cover_and_standard_errors_are_the_scatter_of_the_estimates(na
 @pytest.mark.slow
 @pytest.mark.parametrize("rho", EXPERIMENTS_OF)
 def test_intervals_of_all_models_together_cover_in_93_to_97_percent(rho):
-    # 60 experiments of each of 20 models: 95 +- 0.6 % even if all values of an experiment are covered together
-    shares = [repeated(name, rho, range(10_000, 10_060))[2].mean() for name in EXPERIMENTS]
+    # 40 experiments of each of 28 models: 95 +- 0.7 % even if all values of an experiment are covered together
+    shares = [repeated(name, rho, range(10_000, 10_040))[2].mean() for name in EXPERIMENTS]
     assert 0.93 <= np.mean(shares) <= 0.97
