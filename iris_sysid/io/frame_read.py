@@ -11,7 +11,7 @@ from iris_sysid.io.csv_read import trajectory_of_sheet
 from iris_sysid.io.files import origin_of
 from iris_sysid.io.table_cells import Cells
 from iris_sysid.io.table_headers import understood
-from iris_sysid.types import Sensor, Trajectory
+from iris_sysid.types import Quantity, Sensor, Trajectory
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -93,7 +93,7 @@ def _as_cells(table: pd.DataFrame, lines: list[int]) -> Cells:
         *groups, name = (str(level) for level in levels)
         own, column = _cells(table.iloc[:, k])
         unit = own or units.get(name, units.get(name.removeprefix("sigma_"), ""))
-        titles.append((*groups, f"{name} [{unit}]" if unit else name))
+        titles.append((*groups, Quantity(name, unit).title))
         cells.append(column)
     header = tuple(tuple(row) for row in zip(*titles, strict=True))
     rows = tuple(tuple(row) for row in zip(*cells, strict=True))
