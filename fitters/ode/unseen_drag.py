@@ -14,7 +14,7 @@ import numpy as np
 
 from fitters.integrator.initial_value_problem import value_names
 from fitters.noise.sandwich_covariance import inverse_normal
-from fitters.ode.fit_problem import Task
+from fitters.ode.fit_problem import PreparedFit
 from fitters.ode.least_squares import Solution, Target
 from fitters.ode.model_discrepancy import response_to_force
 from iris_sysid.types import Array, Estimate, Mask, OdeModel, Trajectory
@@ -29,7 +29,9 @@ NEGLIGIBLE = 0.2  # probability, before the data, that there is no drag to speak
 GRID = 200
 
 
-def unseen_drag(task: Task, target: Target, solution: Solution, sensitivity: Array, usable: Mask) -> Array | None:
+def unseen_drag(
+    task: PreparedFit, target: Target, solution: Solution, sensitivity: Array, usable: Mask
+) -> Array | None:
     """Change (k,) of the free values for one standard error of a drag that is not in the equation.
 
     None for a motion other than a free fall with gravity estimated; NaN for values at a bound.
@@ -56,7 +58,7 @@ def unseen_drag(task: Task, target: Target, solution: Solution, sensitivity: Arr
     return shift if np.all(np.isfinite(shift[usable])) else None
 
 
-def drag_response(task: Task, target: Target, solution: Solution, estimated: Collection[str]) -> Array | None:
+def drag_response(task: PreparedFit, target: Target, solution: Solution, estimated: Collection[str]) -> Array | None:
     """What a unit of drag adds to the used samples (n * d,), in units of sigma.
 
     None for a motion other than a free fall with gravity estimated.
@@ -74,7 +76,7 @@ def drag_response(task: Task, target: Target, solution: Solution, estimated: Col
     return None if response is None else np.asarray((response / target.sigma)[target.used].ravel())
 
 
-def _falls_freely(task: Task, estimated: Collection[str]) -> bool:
+def _falls_freely(task: PreparedFit, estimated: Collection[str]) -> bool:
     """Whether nothing but an estimated gravity acts on the body: a fall or a throw."""
     model = task.model
     return (
@@ -97,7 +99,7 @@ def _drag(velocity: Array) -> Array:
     return np.asarray(-np.linalg.norm(velocity, axis=1, keepdims=True) * velocity)
 
 
-def gravity_of(task: Task, solution: Solution) -> float:
+def gravity_of(task: PreparedFit, solution: Solution) -> float:
     """The fitted gravity, in the unit of length of the trajectory per s^2."""
     (name, *_) = (parameter.name for parameter in task.model.with_role("gravity"))
     return float(solution.values[value_names(task.model).index(name)])

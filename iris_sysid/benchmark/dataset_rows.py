@@ -12,7 +12,7 @@ import pandas as pd
 from iris_sysid.benchmark.batch import Batch
 from iris_sysid.benchmark.dataset import places
 from iris_sysid.benchmark.groundtruth.measure import Conditions, Measurements, measure
-from iris_sysid.benchmark.parallel import Workers, side_by_side
+from iris_sysid.benchmark.parallel import Workers, run_parallel
 from iris_sysid.benchmark.sources.rows import (
     OK,
     ROBUSTNESS,
@@ -192,7 +192,7 @@ def _all_done(
     kept = {unit.place: _kept(work / unit.place) for unit in units}
     missing, lost = [unit for unit in units if kept[unit.place] is None], []
     batch = Batch(work, work_on, _lost)
-    outcomes = side_by_side(batch, missing, workers)
+    outcomes = run_parallel(batch, missing, workers)
     for unit, whole in with_progress(outcomes, progress, len(units), done=len(units) - len(missing)):
         kept[unit.place] = _kept(work / unit.place)
         if not whole:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from iris_sysid.benchmark.batch import Batch
-from iris_sysid.benchmark.parallel import Workers, check_workers, side_by_side
+from iris_sysid.benchmark.parallel import Workers, check_workers, run_parallel
 from iris_sysid.errors import DataError, FitError, IrisError, OutputError
 from iris_sysid.io.files import write_atomic
 from iris_sysid.io.formula_cells import guarded
@@ -141,7 +141,7 @@ def diagnose_each(
     batch = Batch(root, DiagnoseEach(prepare), _lost)
     try:
         _write_summary(root, [])
-        for table, reason in with_progress(side_by_side(batch, tables, workers), progress, len(tables)):
+        for table, reason in with_progress(run_parallel(batch, tables, workers), progress, len(tables)):
             reasons[table.name] = reason
             if reason and tell is not None:
                 tell(f"{table.name}: {reason}")

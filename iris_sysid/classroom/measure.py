@@ -14,7 +14,7 @@ import numpy as np
 from fitters.ode.single_clip import fit
 from fitters.positions import fit_positions, phenomenon_of
 from iris_sysid.benchmark.batch import Batch
-from iris_sysid.benchmark.parallel import Workers, check_workers, side_by_side
+from iris_sysid.benchmark.parallel import Workers, check_workers, run_parallel
 from iris_sysid.calibration.pixel_scale import uncalibrated
 from iris_sysid.classroom.evidence import CAPTURE, diameter_of, evidence_of
 from iris_sysid.classroom.groups import Group
@@ -108,7 +108,7 @@ def measure_groups(
     check_workers(workers)
     root, now = Path(folder), 0
     batch = Batch(root, _measured_now, _lost)
-    for group, (measured_now, reason) in with_progress(side_by_side(batch, groups, workers), progress, len(groups)):
+    for group, (measured_now, reason) in with_progress(run_parallel(batch, groups, workers), progress, len(groups)):
         now += measured_now
         if reason and tell is not None:
             tell(f"{group.name}: {reason}")

@@ -86,7 +86,7 @@ def vertical_note(calibration: Calibration) -> str:
     return f"{source}, by assumption, to {LEVEL_STDERR_DEG:g} degree: a camera levelled by eye (GUM, type B)"
 
 
-def upright(
+def align_vertical(
     calibration: Calibration,
     body: Track,
     phenomenon: Phenomenon,

@@ -18,7 +18,7 @@ import pytest
 from iris_sysid.benchmark import cluster
 from iris_sysid.benchmark.batch import Batch
 from iris_sysid.benchmark.groundtruth.measure import measure
-from iris_sysid.benchmark.parallel import side_by_side
+from iris_sysid.benchmark.parallel import run_parallel
 from iris_sysid.errors import DataError, IrisError
 from tests._project import ROOT
 from tests.benchmark._jobs import minus_one, slow, squared
@@ -66,13 +66,13 @@ def wait_until(condition) -> None:
 
 @pytest.mark.slow
 def test_job_that_kills_every_worker_is_lost_and_all_others_are_done(scheduler, tmp_path):
-    done = dict(side_by_side(Batch(tmp_path, squared, minus_one), [3, *range(4, 12)], scheduler))
+    done = dict(run_parallel(Batch(tmp_path, squared, minus_one), [3, *range(4, 12)], scheduler))
     assert done == {3: -1, **{number: number**2 for number in range(4, 12)}}
 
 
 @pytest.mark.slow
 def test_worker_that_is_killed_costs_nothing(scheduler, tmp_path):
-    landing = side_by_side(Batch(tmp_path, slow, minus_one), range(8), scheduler)
+    landing = run_parallel(Batch(tmp_path, slow, minus_one), range(8), scheduler)
     first, process = next(landing)
     os.kill(process, signal.SIGKILL)
     done = dict(landing)
@@ -118,7 +118,7 @@ def test_worker_with_another_version_is_refused(scheduler, tmp_path, monkeypatch
     with pytest.raises(
         DataError, match=r"worker tcp://.* has numpy [\d.]+ instead of 1\.0, source code \w+ instead of"
     ):
-        dict(side_by_side(Batch(tmp_path, squared, minus_one), [1], scheduler))
+        dict(run_parallel(Batch(tmp_path, squared, minus_one), [1], scheduler))
 
 
 @pytest.mark.slow
@@ -132,7 +132,7 @@ def test_end_of_the_scheduler_is_a_stated_error(tmp_path, monkeypatch):
         killed.start()
         waits = Batch(tmp_path, squared, minus_one)  # there is no worker
         with pytest.raises(IrisError, match="the dask scheduler ended before the work; run again"):
-            list(side_by_side(waits, [1], str(file)))
+            list(run_parallel(waits, [1], str(file)))
 
 
 @pytest.mark.slow
@@ -146,7 +146,7 @@ def test_worker_of_several_threads_is_refused(scheduler, tmp_path):
         try:
             client.wait_for_workers(3, timeout=START_S)
             with pytest.raises(DataError, match=r"does 2 jobs at a time in one process.*start it with --nthreads 1"):
-                dict(side_by_side(Batch(tmp_path, slow, minus_one), range(9), scheduler))
+                dict(run_parallel(Batch(tmp_path, slow, minus_one), range(9), scheduler))
         finally:
             process.terminate()
 
@@ -156,7 +156,7 @@ def test_folder_that_a_worker_does_not_find_is_named(scheduler, tmp_path, monkey
     monkeypatch.setattr(Path, "absolute", lambda path: Path("/proc/self/nowhere"))
     monkeypatch.setattr(Path, "mkdir", lambda path, **options: None)
     with pytest.raises(DataError, match=r"worker tcp://.* does not find /proc/self/nowhere; write to a folder"):
-        dict(side_by_side(Batch(tmp_path, squared, minus_one), [1], scheduler))
+        dict(run_parallel(Batch(tmp_path, squared, minus_one), [1], scheduler))
 
 
 def test_scheduler_that_does_not_answer_is_named(tmp_path, monkeypatch):
@@ -165,7 +165,7 @@ def test_scheduler_that_does_not_answer_is_named(tmp_path, monkeypatch):
         unused.bind(("127.0.0.1", 0))
         address = f"tcp://127.0.0.1:{unused.getsockname()[1]}"
         with pytest.raises(DataError, match=f"no dask scheduler answers at {address}; is it running"):
-            list(side_by_side(Batch(tmp_path, squared, minus_one), [1], address))
+            list(run_parallel(Batch(tmp_path, squared, minus_one), [1], address))
 
 
 @pytest.mark.parametrize("address", ["nowhere", "ftp://somewhere:1", "tcp://:x"])

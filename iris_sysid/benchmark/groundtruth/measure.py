@@ -16,7 +16,7 @@ from iris_sysid.benchmark.groundtruth.boards import (
     scale_class,
 )
 from iris_sysid.benchmark.groundtruth.clip import KNOWN, ClipJob, measure_clip, record_failure
-from iris_sysid.benchmark.parallel import Workers, check_workers, side_by_side
+from iris_sysid.benchmark.parallel import Workers, check_workers, run_parallel
 from iris_sysid.calibration.calibration_json import read_calibration
 from iris_sysid.calibration.pixel_scale import uncalibrated
 from iris_sysid.errors import DataError, IrisError, OutputError
@@ -144,7 +144,7 @@ def measure(
     calibrated = _calibrated(listing, root, measured, chosen, gaps, workers)
     jobs = [_job(clip, root, measured, conditions, clip.class_name in calibrated) for clip in chosen]
     now = 0
-    outcomes = side_by_side(Batch(root, _measured, _lost), _in_turn(jobs), workers)
+    outcomes = run_parallel(Batch(root, _measured, _lost), _in_turn(jobs), workers)
     for job, (measured_now, reason) in with_progress(outcomes, progress, len(jobs)):
         now += measured_now
         if reason and measured_now:
@@ -197,7 +197,7 @@ def _calibrated(
         except IrisError as error:
             gaps[board_place] = _no_scale(str(error), listing)
     batch = Batch(root, calibrate_board, _lost_board)
-    for job, reason in side_by_side(batch, jobs, workers):
+    for job, reason in run_parallel(batch, jobs, workers):
         if reason:
             gaps[f"{job.class_name}/{BOARD}"] = _no_scale(reason, listing)
         else:
