@@ -112,7 +112,7 @@ def diagnose_each(
         Made when missing; of this and earlier batches alone.
     workers
         Number of parallel processes, 0 for this one, or the address or file of a dask scheduler, whose workers find the
-        tables under the same absolute paths.
+        tables and the folder under the same absolute paths.
     overwrite
         Write into a folder that holds diagnoses but no summary of a batch.
     progress

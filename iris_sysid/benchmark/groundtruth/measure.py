@@ -115,7 +115,7 @@ def measure(
         Of the recording.
     workers
         Number of parallel processes, 0 for this one, or the address or file of a dask scheduler, whose workers find the
-        clips under the same paths.
+        clips and this folder under the same paths.
     progress
         Called with (clips done, total number of clips).
     tell
