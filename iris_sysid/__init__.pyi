@@ -13,7 +13,6 @@ from fitters.ode.single_clip import fit as fit
 from fitters.own_model.equation import model_from_equation as model_from_equation
 from fitters.own_model.function import model_from_function as model_from_function
 from fitters.selection.select import select_model as select_model
-from fitters.sindy.as_pysindy import to_pysindy as to_pysindy
 from fitters.sindy.discover import discover as discover
 from fitters.validation_record import split_record as split_record
 from fitters.validation_record import validate_fit as validate_fit

@@ -326,7 +326,7 @@ def run_tracked(
     UnknownNameError, CalibrationError, DataError
         As :func:`run`.
     """
-    from iris_sysid.trajectory.vertical_and_scale import gravity_calibration, upright, vertical_note
+    from iris_sysid.trajectory.vertical_and_scale import align_vertical, gravity_calibration, vertical_note
 
     chosen = _phenomenon(phenomenon)
     known = dict(settings or {})
@@ -335,7 +335,7 @@ def run_tracked(
         calibration = gravity_calibration(tracks[0], chosen, geometry.scale_from_gravity)
         known["gravity"] = geometry.scale_from_gravity
         free = [*free, "magnification"]
-    calibration = upright(calibration or uncalibrated(), tracks[0], chosen, geometry.plumb_px, geometry.vertical)
+    calibration = align_vertical(calibration or uncalibrated(), tracks[0], chosen, geometry.plumb_px, geometry.vertical)
     world, trajectory, result = observe_and_fit(
         tracks,
         calibration,

@@ -19,7 +19,7 @@ import numpy as np
 from fitters.effect_sensitivity import sensitivity, shaped
 from fitters.ode import fit
 from iris_sysid.benchmark.batch import Batch
-from iris_sysid.benchmark.parallel import side_by_side
+from iris_sysid.benchmark.parallel import run_parallel
 from iris_sysid.calibration.pixel_scale import scale
 from iris_sysid.diagnosis.diagnose import diagnose
 from iris_sysid.diagnosis.score_test import critical_value, screen
@@ -242,7 +242,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def _print_outcomes(folder: Path, clips: int, workers: int) -> list[Outcome]:
     """Diagnose every clip in parallel, and print the table."""
-    every = dict(side_by_side(Batch(folder, case, lambda folder, seed: None), range(clips), workers))
+    every = dict(run_parallel(Batch(folder, case, lambda folder, seed: None), range(clips), workers))
     outcomes = [outcome for _, outcome in sorted(every.items()) if outcome is not None]
     print(f"{len(outcomes)} clips; {len(every) - len(outcomes)} could not be measured or fitted")
     print(pages.markdown(table(outcomes)))

@@ -166,7 +166,6 @@ STEPS = [
         "a file of the user's that is not there",
     ),
     Step("engineer", "diagnose {world}/tab-drain-tank/liq_level_data_empty_train.csv -o {out}", "no model is named"),
-    Step("author", "tensors {world}/collide-bouncyballs/clip.webm -o {out}/clip.npy --stop 3", "VP8", anything=True),
     Step("author", "gt {world} -o {out}/parameters.json", "no class of a benchmark"),
     Step("author", "track {world}/two.trz -o {out}/track.csv", "a name that is not there"),
 ]

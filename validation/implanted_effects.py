@@ -33,7 +33,7 @@ CLOSE, ACCEPTED = 0.02, 0.3  # relative errors of the trace: the search ends, an
 ROUNDS = 14  # of refits
 STEP = 4.0  # largest factor from one size to the next: a strong drag ends the motion, and leaves less
 MOMENT = 0.4  # share of the clip at which frames are lost
-MOST_LOST = 0.1  # of the samples
+MAX_LOST = 0.1  # of the samples
 TURNOVER = 1e-3  # of the largest speed, over which dry friction changes its sign
 OFF_OWN_RATE = 1.618  # rate of the forcing over the motion's own: near neither it nor a harmonic
 CYCLES = 2.7  # of the forcing in a clip that does not swing
@@ -366,7 +366,7 @@ def _whole_number(implant: Implant, base: Base, multiple: float) -> tuple[Change
     """The number of frames, at least one, whose trace is nearest; one after the other grows about evenly."""
     one = implant.add(base, 1.0)
     frames = max(1, round(multiple * base.rms / trace(base, one)))
-    if frames > MOST_LOST * base.inside.size:
+    if frames > MAX_LOST * base.inside.size:
         raise NotShownError(f"{frames} frames of {base.inside.size} would have to be lost")
     changed = implant.add(base, frames)
     return changed, trace(base, changed) / base.rms

@@ -17,7 +17,7 @@ from fitters.ode.model_discrepancy import SOURCE
 from iris_sysid import MODELS, FitOptions, Quantity, Trajectory, fit
 from iris_sysid.types import Array, Estimate
 from validation import pages
-from validation.independent.cases import LARGEST_CHANGE, Case, draw_case, smallest_detectable
+from validation.independent.cases import MAX_CHANGE, Case, draw_case, smallest_detectable
 from validation.independent.effects import HIDDEN
 from validation.independent.motions import MOTIONS
 from validation.independent.noise import NOISES
@@ -72,7 +72,7 @@ def hidden_case(seed: int) -> Case:
             without, clean = (effect.show(motion, values, t_s, each, shape) for each in (0.0, size))
         except (ArithmeticError, ValueError):
             continue
-        if np.max(np.abs(clean - without)) <= LARGEST_CHANGE * 4 * float(np.std(without)):
+        if np.max(np.abs(clean - without)) <= MAX_CHANGE * 4 * float(np.std(without)):
             observed = NOISES[kind](clean, motion.noise, rng)
             return Case(seed, motion, values, kind, t_s, observed, clean, effect, size, factor, shape)
 

@@ -28,7 +28,7 @@ import pandas as pd
 from iris_sysid.benchmark.batch import Batch
 from iris_sysid.benchmark.dataset import benchmark_classes
 from iris_sysid.benchmark.groundtruth.measure import Conditions, measure
-from iris_sysid.benchmark.parallel import Workers, side_by_side
+from iris_sysid.benchmark.parallel import Workers, run_parallel
 from iris_sysid.benchmark.render_dataset import render_dataset
 from iris_sysid.synthetic.scene import SCENES
 from validation import pages
@@ -79,7 +79,7 @@ def overhead(jobs: int, workers: Workers) -> tuple[float, float]:
     began, landed = time.perf_counter(), []
     with tempfile.TemporaryDirectory() as folder:
         batch = Batch(Path(folder), nothing, nothing)
-        landed = [time.perf_counter() - began for _ in side_by_side(batch, range(jobs), workers)]
+        landed = [time.perf_counter() - began for _ in run_parallel(batch, range(jobs), workers)]
     return landed[0], (landed[-1] - landed[0]) / (jobs - 1)
 
 

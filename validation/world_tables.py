@@ -22,7 +22,7 @@ FRICTION = frozenset({"coulomb-friction", "velocity-weakening-friction"})
 ZERO = frozenset({"zero-offset", "constant-force"})
 NOTHING: frozenset[str] = frozenset()
 LOCAL_GRAVITY = {"gravity": Estimate(9.81, 0.01, "m/s^2", "assumed")}
-MOST_SAMPLES, MOST_DRIVEN = 5000, 1200  # of a table that are used, so that the whole table takes half an hour
+MAX_SAMPLES, MAX_DRIVEN = 5000, 1200  # of a table that are used, so that the whole table takes half an hour
 TORQUE = Quantity("tau", "N m", r"\tau")
 TURNING = ("pendulum", "linear-oscillator", "torsion-wheel", "driven-arm", "two-tanks")
 SHEET = "{http://schemas.openxmlformats.org/spreadsheetml/2006/main}"
@@ -58,7 +58,7 @@ class Recording:
 def series(t_s: Array, values: Array, quantity: Quantity, inputs: Array | None = None) -> Trajectory:
     """The beginning of a table of one quantity; samples whose time does not increase are dropped."""
     later = np.concatenate([[True], np.diff(np.maximum.accumulate(t_s)) > 0])
-    later &= np.cumsum(later) <= (MOST_SAMPLES if inputs is None else MOST_DRIVEN)
+    later &= np.cumsum(later) <= (MAX_SAMPLES if inputs is None else MAX_DRIVEN)
     column = np.asarray(values, dtype=float)[later, None]
     more = {} if inputs is None else {"inputs": inputs[later, None], "input_quantities": (TORQUE,)}
     finite = np.isfinite(column[:, 0])

@@ -9,7 +9,7 @@ from iris_sysid.types import Array, Mask
 MAD_TO_SD = 1.4826  # median absolute deviation to standard deviation of a normal
 ORDERS = range(2, 7)
 FAR = 6.0  # robust standard deviations from the neighbours: a probability of 2e-9 for normal noise
-LARGEST_SHARE = 0.05  # a larger share of samples is a part of the motion and no outlier
+MAX_SHARE = 0.05  # a larger share of samples is a part of the motion and no outlier
 NEIGHBOURS = 5  # samples on each side
 
 
@@ -69,13 +69,13 @@ def deviations_from_neighbours(values: Array) -> Array:
 def outliers_in_residual(residual: Array, floor: float) -> Mask:
     """True where a residual (n, d) is isolated: far from its neighbours, not part of a slow misfit.
 
-    No sample is an outlier when more than LARGEST_SHARE are. ``floor`` is the smallest deviation that counts.
+    No sample is an outlier when more than MAX_SHARE are. ``floor`` is the smallest deviation that counts.
     """
     outliers = np.zeros(residual.shape[0], dtype=np.bool_)
     for column in residual.T:
         deviation = np.abs(deviations_from_neighbours(column))
         outliers |= deviation > max(FAR * robust_sd(deviation), floor)
-    return outliers if outliers.mean() <= LARGEST_SHARE else np.zeros_like(outliers)
+    return outliers if outliers.mean() <= MAX_SHARE else np.zeros_like(outliers)
 
 
 def outliers_in_motion(t_s: Array, values: Array) -> Mask:
@@ -94,4 +94,4 @@ def outliers_in_motion(t_s: Array, values: Array) -> Mask:
         size = np.abs(normalised_difference(t_s, column, order))
         smallest = np.lib.stride_tricks.sliding_window_view(np.pad(size, order, constant_values=np.inf), order + 1)
         outliers |= np.min(smallest, axis=1) > FAR * robust_sd(size)
-    return outliers if outliers.mean() <= LARGEST_SHARE else np.zeros_like(outliers)
+    return outliers if outliers.mean() <= MAX_SHARE else np.zeros_like(outliers)

@@ -9,7 +9,7 @@ import numpy as np
 
 from fitters.integrator.initial_value_problem import value_names
 from fitters.noise.sandwich_covariance import quantile_975
-from fitters.ode.fit_problem import Task
+from fitters.ode.fit_problem import PreparedFit
 from iris_sysid.errors import FitError
 from iris_sysid.types import Array, Estimate, OdeModel
 
@@ -44,7 +44,7 @@ class Budget:
     budget: Mapping[str, Mapping[str, float]]
 
 
-def estimate_all(task: Task, values: Array, errors: Errors) -> Budget:
+def estimate_all(task: PreparedFit, values: Array, errors: Errors) -> Budget:
     """Every number of the fit: fitted and known parameters, initial states, derived quantities.
 
     Parameters
@@ -109,7 +109,7 @@ def _estimate(value: float, parts: Mapping[str, float], degrees: float, unit: st
     return Estimate(value, stderr, unit, kind, ci95=(value - half, value + half))
 
 
-def _derived(task: Task, values: Array) -> dict[str, tuple[float, Array, dict[str, float]]]:
+def _derived(task: PreparedFit, values: Array) -> dict[str, tuple[float, Array, dict[str, float]]]:
     """Value, gradient (k,) in the free values, and direct systematic shifts of each derived quantity."""
     if task.model.derive is None:
         return {}

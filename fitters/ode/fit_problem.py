@@ -23,7 +23,7 @@ NO_PRIORS: Mapping[str, Estimate] = MappingProxyType({})
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Selection:
-    """Samples ``start`` to ``stop - 1`` of a trajectory, of which ``used`` (n of the trajectory) can be fitted."""
+    """Samples ``start`` to ``stop - 1`` of a trajectory; ``used`` (n of the trajectory) says which can be fitted."""
 
     start: int
     stop: int
@@ -37,7 +37,7 @@ class Selection:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Task:
+class PreparedFit:
     """A fit that is prepared to run.
 
     ``known`` by name: the values held, with their uncertainty; ``priors`` those estimated that were measured
@@ -244,7 +244,7 @@ def prepare(
     selection: Selection,
     known: Mapping[str, Estimate],
     priors: Mapping[str, Estimate] = NO_PRIORS,
-) -> Task:
+) -> PreparedFit:
     """Combine data and model into a fit that is ready to run.
 
     Parameters
@@ -265,7 +265,7 @@ def prepare(
     noise = np.array([_noise(t_s[clean], observed[clean, c], given[clean, c]) for c in range(observed.shape[1])])
     sigma = _relative(given, used) * _usable(noise, observed[clean])
     free = tuple(name for name in value_names(model) if name not in known)
-    return Task(
+    return PreparedFit(
         trajectory=trajectory,
         model=model,
         selection=selection,
@@ -340,12 +340,14 @@ def with_priors(unknowns: Unknowns, priors: Mapping[str, Estimate]) -> Unknowns:
     return replace(unknowns, expected=expected, precision=precision)
 
 
-def guesses(task: Task, start: Mapping[str, float]) -> dict[str, float] | None:
+def guesses(task: PreparedFit, start: Mapping[str, float]) -> dict[str, float] | None:
     """What the model guesses, and defaults, by name; None where the start and the priors give every free value."""
     return None if set(task.free) <= {*start, *task.priors} else _guess(task, needed=True)
 
 
-def starting_values(task: Task, start: Mapping[str, float], guessed: Mapping[str, float] | None) -> Iterator[Array]:
+def starting_values(
+    task: PreparedFit, start: Mapping[str, float], guessed: Mapping[str, float] | None
+) -> Iterator[Array]:
     """Full vectors of starting values: the model's guess overridden by the caller's values, then the guess alone.
 
     Each vector is (p + s,), every value in its own unit. A parameter that has neither a start, nor a guess, nor a
@@ -371,7 +373,7 @@ def starting_values(task: Task, start: Mapping[str, float], guessed: Mapping[str
         yield _vector(task, {**guessed, **known})
 
 
-def without_start(task: Task, start: Mapping[str, float], guessed: Mapping[str, float] | None) -> list[str]:
+def without_start(task: PreparedFit, start: Mapping[str, float], guessed: Mapping[str, float] | None) -> list[str]:
     """The free parameters that have neither a start, nor a prior, nor a finite guess, nor a default.
 
     Parameters
@@ -383,11 +385,11 @@ def without_start(task: Task, start: Mapping[str, float], guessed: Mapping[str, 
     return [name for name in task.free if name not in given]
 
 
-def _vector(task: Task, values: Mapping[str, float]) -> Array:
+def _vector(task: PreparedFit, values: Mapping[str, float]) -> Array:
     return np.array([values[name] for name in value_names(task.model)])
 
 
-def _guess(task: Task, *, needed: bool) -> dict[str, float]:
+def _guess(task: PreparedFit, *, needed: bool) -> dict[str, float]:
     """Defaults, then first samples for initial states, then what the model guesses from the clean samples."""
     values = {p.name: p.default for p in task.model.parameters if p.default is not None}
     seen = [quantity.name for quantity in task.model.observed]
@@ -405,7 +407,7 @@ def _guess(task: Task, *, needed: bool) -> dict[str, float]:
     return {**values, **{name: value for name, value in guessed.items() if np.isfinite(value)}}
 
 
-def _guessed(task: Task, trajectory: Trajectory) -> dict[str, float]:
+def _guessed(task: PreparedFit, trajectory: Trajectory) -> dict[str, float]:
     """What the model guesses; FitError when that fails or is not starting values by name."""
     model, remedy = task.model, f"give a start for {', '.join(task.free)}"
     try:

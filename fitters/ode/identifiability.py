@@ -25,7 +25,7 @@ def identifiability(result: FitResult, trajectory: Trajectory | None = None) -> 
     """Identifiability of the free values of a fit, with the Hessian at its optimum.
 
     The Hessian of minus the log likelihood differs from the Fisher information by the curvature of the model along
-    the residual. Where the two disagree, the fit is no minimum, or the error bars cannot be ellipses.
+    the residual. Where the two disagree, the fit is not a minimum, or the error bars cannot be ellipses.
 
     Parameters
     ----------

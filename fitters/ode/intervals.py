@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from fitters.integrator.initial_value_problem import BATCH_NUMBERS
 from fitters.noise.autoregression import Autoregression, autocovariance
 from fitters.noise.sandwich_covariance import inverse_normal
-from fitters.ode.fit_problem import Task
+from fitters.ode.fit_problem import PreparedFit
 from fitters.ode.least_squares import Solution, Target, minimise
 from fitters.ode.result import Linearised
 from fitters.ode.status import SINGULAR
@@ -42,7 +42,7 @@ class Found:
     for values at a bound or undetermined; ``noise`` of each quantity.
     """
 
-    task: Task
+    task: PreparedFit
     target: Target
     solution: Solution
     near: Linearised

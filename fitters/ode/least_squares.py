@@ -83,7 +83,7 @@ class Unknowns:
     """The free values: their indices ``which`` (k,), names and bounds (k,).
 
     Those measured elsewhere have a normal prior of mean ``expected`` (k,) and standard error 1 / ``precision`` (k,);
-    a precision of zero is no prior.
+    a precision of zero means no prior.
     """
 
     which: NDArray[np.intp]

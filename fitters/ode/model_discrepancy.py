@@ -41,21 +41,21 @@ from iris_sysid.types import Array, ErrorAutocorrelation
 SOURCE = "model discrepancy"
 DECISIVE = 10.0  # twice the log likelihood ratio above which the residual is more than noise: a chance of 1e-3
 MISFIT = 1.5  # residual over noise above which a significant discrepancy is called a misfit
-MOST_SAMPLES = 600  # a discrepancy is smooth: every k-th sample tells it
+MAX_SAMPLES = 600  # a discrepancy is smooth: every k-th sample tells it
 SAMPLES_A_FORM = 4  # at least, so that enough is left to estimate the noise
 WAVES = 10  # cosines over the clip, the fastest with five periods
 SAMPLES_A_WAVE = 30  # at least
-MOST_ORDER = 2  # of the autoregression of the noise beside the forms
+MAX_ORDER = 2  # of the autoregression of the noise beside the forms
 STEP = 1e-5  # relative, of an initial state
 STEADY = 1e-6  # of the largest state: a state that changes by less has a step of its own
 WORST_CONDITION = 1e8  # of the transition matrix, which loses digits as initial conditions decay
-IMITATED = 0.01  # a form of which the values imitate all but this fraction redefines them: no discrepancy
+IMITATED = 0.01  # a form that the values imitate but for this fraction redefines them: no discrepancy
 SOFT = 0.05  # of the largest speed, within which dry friction turns over
 SIZES = (1e-6, 10.0)  # of the discrepancy, relative to the forces and the range of the motion
 # Samples that a misfit counts for when forms are weighed against each other: with fewer every form counts, with more
 # only the best. 10 covers on the looked-at cases of `python -m validation.misfit`.
 INDEPENDENT = 10.0
-MOST_TIMES = 3.0  # the coefficient of the form that explains most: what is missing is hardly larger
+MAX_TIMES = 3.0  # the coefficient of the form that explains most: what is missing is rarely larger
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -117,7 +117,7 @@ def _expanded(
     target: Target, solution: Solution, sensitivity: Array, bread: Array, measured: ErrorAutocorrelation | None
 ) -> Discrepancy | None:
     """The discrepancy from its forms at every k-th sample; see :func:`discrepancy_of`."""
-    every = max(1, -(-target.observed.shape[0] // MOST_SAMPLES))
+    every = max(1, -(-target.observed.shape[0] // MAX_SAMPLES))
     part = target.every(every)
     residual = part.weighted(part.observed - solution.predicted[::every])
     jacobian, most = part.weighted(sensitivity[::every]), residual.size // SAMPLES_A_FORM
@@ -199,11 +199,11 @@ class _Noise:
 
 
 def _low_order(residual: Array, basis: Array) -> Autoregression:
-    """Autoregression of a residual (n,), NaN in gaps, of which most of what is slow lies in a basis (n, r).
+    """Autoregression of a residual (n,), NaN in gaps, whose slow part mostly lies in a basis (n, r).
 
     Of restricted maximum likelihood, which counts what the basis took.
     """
-    partial, variance = burg(residual, MOST_ORDER)
+    partial, variance = burg(residual, MAX_ORDER)
     order = choose_order(variance, int(np.isfinite(residual).sum()))
     if order == 0:
         return Autoregression.of(residual, basis, partial[:0])
@@ -227,9 +227,9 @@ def _discrepancy(
     left, singular, right = np.linalg.svd(white[:, 1:], full_matrices=False)
     along = left.T @ white[:, 0]
     size, log_ratio = _size(along, singular)
-    # Forms that are hardly seen must not grow all the others: a usual one makes the residual by itself at this size.
+    # Forms that barely show must not grow all the others: a usual one makes the residual by itself at this size.
     size = min(size, float(np.linalg.norm(white[:, 0]) / np.median(np.linalg.norm(white[:, 1:], axis=0))))
-    size = min(size, MOST_TIMES * _of_the_best(white[:, 0], white[:, 1:]))
+    size = min(size, MAX_TIMES * _of_the_best(white[:, 0], white[:, 1:]))
     moment = _spread_over_all(along, singular, moves @ right.T, size)
     moment += size**2 * _product(moves - moves @ right.T @ right)  # no residual tells of these: as large as the others
     moment += _each_alone(white[:, 0], white[:, 1:], moves, float(along @ along))
@@ -240,7 +240,7 @@ def _discrepancy(
 
 
 def _of_the_best(residual: Array, forms: Array) -> float:
-    """The coefficient of the form (m, c) that explains most of a residual (m,): what is missing is hardly larger."""
+    """The coefficient of the form (m, c) that explains most of a residual (m,): what is missing is rarely larger."""
     squares = np.sum(forms**2, axis=0)
     products = np.abs(residual @ forms)
     best = int(np.argmax(products**2 / np.maximum(squares, 1e-300)))
@@ -272,7 +272,7 @@ def _each_alone(residual: Array, forms: Array, moves: Array, explained: float) -
     lengths = np.linalg.norm(forms, axis=0)
     lengths = np.where(lengths > 0, lengths, np.inf)
     components = forms.T @ residual / lengths
-    largest = MOST_TIMES * _of_the_best(residual, forms)  # a form that the values nearly imitate explains at any size
+    largest = MAX_TIMES * _of_the_best(residual, forms)  # a form that the values nearly imitate explains at any size
     sizes = np.clip(components / lengths, -largest, largest)
     unexplained = np.clip(1.0 - components**2 / max(explained, 1e-300), 1e-6, 1.0)
     weights = unexplained ** (-INDEPENDENT / 2)

@@ -11,7 +11,7 @@ import pandas as pd
 
 from fitters.ode.lmfit_minimizer import lmfit_minimizer
 from iris_sysid.errors import DataError, FitError
-from iris_sysid.types import Array, FitResult, Trajectory
+from iris_sysid.types import Array, FitResult, Quantity, Trajectory
 
 if TYPE_CHECKING:
     import lmfit
@@ -54,7 +54,7 @@ class PosteriorSample:
 
     def frame(self) -> pd.DataFrame:
         """The draws (n, k), a column a value; its name ends with the unit."""
-        titles = [f"{name} [{unit}]" if unit else name for name, unit in zip(self.names, self.units, strict=True)]
+        titles = [Quantity(name, unit).title for name, unit in zip(self.names, self.units, strict=True)]
         return pd.DataFrame(self.chain, columns=titles)
 
     def __repr__(self) -> str:

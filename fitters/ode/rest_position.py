@@ -1,4 +1,4 @@
-"""Where an oscillation rests: the zero of its scale is seldom there, and a model that takes it for that finds nonsense.
+"""Where an oscillation rests: the zero of its scale is usually elsewhere, and a model that takes it for that is wrong.
 
 A stiffness that is fitted to a motion about 0.25 m as if that were zero comes out below zero. The rest position is
 estimated where the data call for it: where the motion swings without passing its zero, or where the fit with it is
@@ -28,7 +28,7 @@ def held_zeros(trajectory: Trajectory, model: OdeModel, chosen: Collection[str])
     trajectory
         Its ``geometry`` and ``known`` may state them.
     model
-        Of second order: a background is no rest position.
+        Of second order: a background is not a rest position.
     chosen
         Names that are held or estimated on request.
     """

@@ -10,7 +10,7 @@ import numpy as np
 from fitters.integrator.initial_value_problem import difference_steps, value_names
 from fitters.noise.sandwich_covariance import Uncertainty, inverse_normal, random_uncertainty
 from fitters.ode.error_budget import RANDOM, Budget, Errors, estimate_all
-from fitters.ode.fit_problem import Task, with_priors
+from fitters.ode.fit_problem import PreparedFit, with_priors
 from fitters.ode.least_squares import LARGEST, Solution, Target
 from fitters.ode.model_discrepancy import SOURCE, Discrepancy, discrepancy_of
 from fitters.ode.status import (
@@ -83,7 +83,7 @@ class Linearised:
         return np.concatenate([self.flat, self.prior])
 
 
-def linearise(task: Task, target: Target, solution: Solution) -> Linearised:
+def linearise(task: PreparedFit, target: Target, solution: Solution) -> Linearised:
     """Residual and sensitivities at the solution.
 
     Parameters
@@ -115,7 +115,7 @@ def linearise(task: Task, target: Target, solution: Solution) -> Linearised:
     )
 
 
-def _stated(task: Task, target: Target) -> Array | None:
+def _stated(task: PreparedFit, target: Target) -> Array | None:
     """Median of the errors (d,) that the tracker states, in units of sigma; None where no tracker measured them."""
     if task.trajectory.error_autocorrelation is None:
         return None
@@ -124,7 +124,7 @@ def _stated(task: Task, target: Target) -> Array | None:
     return np.asarray(np.median(given / target.sigma[target.used], axis=0))
 
 
-def errors_of(task: Task, near: Linearised, usable: Mask, undetermined: Mask) -> tuple[Errors, Uncertainty]:
+def errors_of(task: PreparedFit, near: Linearised, usable: Mask, undetermined: Mask) -> tuple[Errors, Uncertainty]:
     """Random and systematic errors; NaN for values that are undetermined or sit at a bound.
 
     Parameters
@@ -158,7 +158,7 @@ def errors_of(task: Task, near: Linearised, usable: Mask, undetermined: Mask) ->
     return Errors(covariance, degrees, systematic), random
 
 
-def _prior_shifts(task: Task, bread: Array, usable: Mask) -> dict[str, Array]:
+def _prior_shifts(task: PreparedFit, bread: Array, usable: Mask) -> dict[str, Array]:
     """Change of the free values (k,) for one standard error of each prior, by name."""
     shifts = {}
     for index in task.unknowns.measured:
@@ -171,7 +171,9 @@ def _prior_shifts(task: Task, bread: Array, usable: Mask) -> dict[str, Array]:
     return shifts
 
 
-def _discrepancy(task: Task, target: Target, solution: Solution, near: Linearised, usable: Mask) -> Discrepancy | None:
+def _discrepancy(
+    task: PreparedFit, target: Target, solution: Solution, near: Linearised, usable: Mask
+) -> Discrepancy | None:
     """What the equation lacks, for the usable values (k,); None where the residual has no more than rounding."""
     rms = np.sqrt(np.mean((target.observed - solution.predicted)[target.used] ** 2, axis=0))
     if not (solution.converged and usable.any() and above_rounding(rms, target.size)):
@@ -210,7 +212,7 @@ class Lacking:
     drag: bool
 
 
-def conclude(task: Task, target: Target, solution: Solution, notes: list[str], lacking: Lacking) -> FitResult:
+def conclude(task: PreparedFit, target: Target, solution: Solution, notes: list[str], lacking: Lacking) -> FitResult:
     """Judge the solution and build the result with errors, criteria, status and notes.
 
     Parameters
@@ -282,7 +284,7 @@ def conclude(task: Task, target: Target, solution: Solution, notes: list[str], l
     )
 
 
-def _unseen_drag_note(task: Task, results: Budget) -> list[str]:
+def _unseen_drag_note(task: PreparedFit, results: Budget) -> list[str]:
     """What a reader should know where drag that is not seen is the largest error of gravity."""
     names = [parameter.name for parameter in task.model.with_role("gravity") if parameter.name in results.budget]
     parts = [results.budget[name] for name in names]
@@ -290,7 +292,7 @@ def _unseen_drag_note(task: Task, results: Budget) -> list[str]:
     return [f"the errors include {UNSEEN_DRAG}"] if most else []
 
 
-def _gravity_doubts(task: Task, results: Budget) -> tuple[Doubt, ...]:
+def _gravity_doubts(task: PreparedFit, results: Budget) -> tuple[Doubt, ...]:
     """What the gravity of the Earth says of an estimated one; nothing where its value was given as a prior."""
     names = [parameter.name for parameter in task.model.with_role("gravity") if parameter.name in task.free]
     found = [
@@ -326,7 +328,7 @@ def information_loss(near: Linearised) -> float:
 
 
 def _identifiability(
-    task: Task, target: Target, solution: Solution, near: Linearised, determined: Determination
+    task: PreparedFit, target: Target, solution: Solution, near: Linearised, determined: Determination
 ) -> Identifiability:
     values = solution.values[task.unknowns.which]
     order = 2 if task.model.second_order else 1
@@ -356,7 +358,7 @@ def ode_residual(residual: Array, order: int) -> Array:
 
 
 def _status(
-    task: Task, solution: Solution, touching: Mask, determined: Determination, misfit: Array | None
+    task: PreparedFit, solution: Solution, touching: Mask, determined: Determination, misfit: Array | None
 ) -> tuple[FitStatus, tuple[FitProblem, ...]]:
     """The status and its reasons; ``misfit`` (d,) is the residual where it is far above the noise."""
     singular = bool(determined.undetermined.any())
@@ -375,7 +377,7 @@ def _status(
     return status, tuple(problems)
 
 
-def _from_priors(task: Task, errors: Errors) -> Array:
+def _from_priors(task: PreparedFit, errors: Errors) -> Array:
     """Covariance (k, k) of the free values that comes from the errors of their priors."""
     shifts = [shift for name, shift in errors.systematic.items() if name in task.priors]
     return np.asarray(sum((np.outer(shift, shift) for shift in shifts), np.zeros(errors.covariance.shape)))
@@ -424,7 +426,7 @@ def _lag_one(residual: Array) -> float:
     return float(np.mean(np.sum(residual[1:] * residual[:-1], axis=0) / power))
 
 
-def _spread(task: Task, values: Array | Mask, fill: float) -> Array:
+def _spread(task: PreparedFit, values: Array | Mask, fill: float) -> Array:
     """Values over the fitted span, spread over all samples of the trajectory."""
     spread = np.full((task.trajectory.n, *values.shape[1:]), fill)
     spread[task.selection.span] = values

@@ -44,7 +44,7 @@ class _View:
     ``near`` has the sensitivities to them, orthogonal to those to its own values; ``weight`` is one over the effective
     variance of its noise for them; ``known`` by name (r, n * d): response to one standard error of a known
     value (r = 1), or of each pattern of a source. ``drag`` (n * d,) is the response to one that the equation of a fall
-    lacks, also orthogonal to the ``own`` values of the clip, of which there are so many; None for other motions.
+    lacks, also orthogonal to the values of the clip alone (``own`` is their number); None for other motions.
     """
 
     near: Linearised
@@ -336,7 +336,7 @@ def _shift(views: Sequence[_View], name: str, bread: Array) -> Array:
 def _gravity_doubt(
     name: str, model: OdeModel, estimates: Mapping[str, Estimate], budget: Mapping[str, Mapping[str, float]]
 ) -> Doubt | None:
-    """What the gravity of the Earth says of a shared value; None where that is no gravity."""
+    """What the gravity of the Earth says of a shared value; None for any other value."""
     if name not in {parameter.name for parameter in model.with_role("gravity")}:
         return None
     return earth_gravity_doubt(estimates[name], budget[name].get(UNSEEN_DRAG, 0.0))

@@ -12,7 +12,7 @@ from fitters.integrator.initial_value_problem import InitialValueProblem, value_
 from fitters.noise.measurement_noise import outliers_in_residual
 from fitters.noise.sandwich_covariance import quantile_975
 from fitters.ode.fit_problem import (
-    Task,
+    PreparedFit,
     check_columns,
     check_names,
     guesses,
@@ -65,7 +65,7 @@ ROUGH_WORK = 100_000  # samples times iterations after which a rough fit is not 
 HELD = 1e3  # weight at which a prior holds its value
 LOST = "no start led to the data, and where the search ended some values have no effect of their own"
 PRIOR_ROUNDS, SETTLED = 4, 0.02  # fits with a new weight of the priors, and its last relative change
-SMALLEST_DEVIATION = 3.0  # in units of the noise, for a sample to count as an outlier
+MIN_DEVIATION = 3.0  # in units of the noise, for a sample to count as an outlier
 
 
 def fit(
@@ -184,7 +184,7 @@ def solve(request: FitRequest) -> FitResult:
 class Minimum:
     """A fit before it is judged: the task, the samples used with their weights, and the solution."""
 
-    task: Task
+    task: PreparedFit
     target: Target
     solution: Solution
 
@@ -257,7 +257,7 @@ def _accuracy(options: FitOptions, samples: int) -> Accuracy:
     return ROUGH if options.rough else FINE._replace(evaluations=min(most, FINE.evaluations))
 
 
-def task_of(request: FitRequest) -> Task:
+def task_of(request: FitRequest) -> PreparedFit:
     """The checked and prepared request; NoMinimumError when it has too few samples for its unknowns."""
     trajectory, model = request.trajectory, request.model
     check_names(model, fixed=list(request.fixed), free=list(request.free), start=list(request.start))
@@ -273,7 +273,7 @@ def task_of(request: FitRequest) -> Task:
     return prepare(trajectory, model, selection, known, priors)
 
 
-def _check_finite(request: FitRequest, task: Task, solution: Solution) -> None:
+def _check_finite(request: FitRequest, task: PreparedFit, solution: Solution) -> None:
     if not np.isfinite(solution.rms):
         raise _failure(request, task.model, task.known, "diverged", diverged(task, solution))
 
@@ -284,7 +284,7 @@ def _failure(
     return NoMinimumError(failed(request.trajectory, model, known, status, problem))
 
 
-def _downhill(task: Task, request: FitRequest) -> Solution:
+def _downhill(task: PreparedFit, request: FitRequest) -> Solution:
     """Fit all samples from the start given alone; the first of them first, if asked for."""
     values = next(starting_values(task, request.start, guesses(task, request.start)))
     if request.options.growing:
@@ -292,7 +292,7 @@ def _downhill(task: Task, request: FitRequest) -> Solution:
     return minimise(task.problem, task.target, task.unknowns, values, accuracy=ROUGH)
 
 
-def _starts(task: Task, start: Mapping[str, float], multistart: int) -> Iterator[tuple[Array, bool]]:
+def _starts(task: PreparedFit, start: Mapping[str, float], multistart: int) -> Iterator[tuple[Array, bool]]:
     """Starts in the order of trust, each with whether it is trusted; the last are random ones about the one before."""
     values, guessed = np.zeros(0), guesses(task, start)
     for values in _matched(task, start, guessed):
@@ -303,7 +303,7 @@ def _starts(task: Task, start: Mapping[str, float], multistart: int) -> Iterator
         yield scattered, False
 
 
-def _matched(task: Task, start: Mapping[str, float], guessed: Mapping[str, float] | None) -> Iterator[Array]:
+def _matched(task: PreparedFit, start: Mapping[str, float], guessed: Mapping[str, float] | None) -> Iterator[Array]:
     """Starts by gradient matching, where some parameters have no other."""
     names = without_start(task, start, guessed)
     if not names:
@@ -331,14 +331,14 @@ def _with_intervals(minimum: Minimum, result: FitResult, methods: tuple[Method, 
     return replace(result, intervals=intervals, notes=(*result.notes, *disagreements(intervals)))
 
 
-def _nothing_to_fit(task: Task) -> Solution:
+def _nothing_to_fit(task: PreparedFit) -> Solution:
     """The prediction of values that are all known, judged like a fit."""
     vector = np.array([task.known[name].value for name in value_names(task.model)])
     problem = task.problem.planned(vector, FINE.time_step)
     return Solution(problem, vector, problem.predicted(vector), np.zeros(0), 1.0, True, True, "")
 
 
-def _without_outliers(task: Task, solution: Solution, refinement: _Refinement) -> tuple[Target, Solution]:
+def _without_outliers(task: PreparedFit, solution: Solution, refinement: _Refinement) -> tuple[Target, Solution]:
     """Finish the fit and reselect the samples: outliers are removed, good samples are restored."""
     candidates = task.selection.used[task.selection.span]
     target = task.target
@@ -349,7 +349,7 @@ def _without_outliers(task: Task, solution: Solution, refinement: _Refinement) -
         outliers = np.zeros_like(candidates)
         if explains(solution, target):
             residual = (target.observed - solution.predicted) / target.sigma
-            outliers[candidates] = outliers_in_residual(residual[candidates], SMALLEST_DEVIATION)
+            outliers[candidates] = outliers_in_residual(residual[candidates], MIN_DEVIATION)
         is_finished = solution.converged if rough else solution.fine and _exact(solution, target)
         if is_finished and np.array_equal(candidates & ~outliers, target.used):
             break
@@ -371,8 +371,8 @@ def _exact(solution: Solution, target: Target) -> bool:
 
 
 def _with_priors_weighed(
-    task: Task, target: Target, solution: Solution, refinement: _Refinement
-) -> tuple[Task, Solution]:
+    task: PreparedFit, target: Target, solution: Solution, refinement: _Refinement
+) -> tuple[PreparedFit, Solution]:
     """Weight the priors against the information of the data, which is smaller for large or correlated noise.
 
     Least squares treats all samples as independent; the mean ratio of the sandwich's information to that of least
@@ -391,7 +391,7 @@ def _with_priors_weighed(
     return task, solution
 
 
-def _notes(task: Task, target: Target) -> list[str]:
+def _notes(task: PreparedFit, target: Target) -> list[str]:
     """Notes for the reader, in addition to the status."""
     candidates = task.selection.used[task.selection.span]
     left_out_s = task.problem.t_s[candidates & ~target.used]

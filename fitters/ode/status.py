@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitters.integrator.initial_value_problem import value_names
-from fitters.ode.fit_problem import Task
+from fitters.ode.fit_problem import PreparedFit
 from fitters.ode.least_squares import Solution, Unknowns
 from iris_sysid.types import Array, Estimate, FitProblem, FitStatus, Mask
 
@@ -92,7 +92,7 @@ def _and(names: list[str]) -> str:
     return " and ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
 
 
-def undetermined(task: Task, values: Array, found: Determination) -> FitProblem:
+def undetermined(task: PreparedFit, values: Array, found: Determination) -> FitProblem:
     """Name the null directions of a singular fit and say what to give. ``values`` (p + s,), each in its own unit."""
     texts = [null_direction_text(task.free, values[task.unknowns.which], row) for row in found.null]
     names = [name for name, out in zip(task.free, found.undetermined, strict=True) if out]
@@ -119,7 +119,7 @@ def _width(unknowns: Unknowns) -> Array:
     return np.where(np.isfinite(width), np.minimum(width, 1e-3), 0.0)
 
 
-def at_its_bound(task: Task, values: Array, touching: Mask) -> FitProblem:
+def at_its_bound(task: PreparedFit, values: Array, touching: Mask) -> FitProblem:
     """Name the values at their bounds and say what that can mean.
 
     ``values`` (p + s,), each in its own unit; ``touching`` (k,).
@@ -149,7 +149,7 @@ def too_few_samples(n: int, needed: int, free: int) -> FitProblem:
     )
 
 
-def diverged(task: Task, solution: Solution) -> FitProblem:
+def diverged(task: PreparedFit, solution: Solution) -> FitProblem:
     """Say why the solution is not finite, and from which values it started."""
     values = dict(zip(value_names(task.model), solution.values, strict=True))
     unknown = [name for name, value in values.items() if np.isnan(value) and _is_needed(task, name, solution.values)]
@@ -168,13 +168,13 @@ def diverged(task: Task, solution: Solution) -> FitProblem:
     return FitProblem("solution-diverges", "the solution diverges", shown, NEARER_START, to_start=task.free)
 
 
-def not_converged(task: Task, solution: Solution) -> FitProblem:
+def not_converged(task: PreparedFit, solution: Solution) -> FitProblem:
     """Say why the optimiser stopped."""
     finding = "the fit did not converge"
     return FitProblem("not-converged", finding, solution.message, NEARER_START, to_start=task.free)
 
 
-def _without_slope(task: Task, values: Array) -> list[str]:
+def _without_slope(task: PreparedFit, values: Array) -> list[str]:
     """States whose rate is not finite at the first sample."""
     model, problem = task.model, task.problem
     params, state = values[: len(model.parameters)].tolist(), values[len(model.parameters) :].tolist()
@@ -188,14 +188,14 @@ def _without_slope(task: Task, values: Array) -> list[str]:
     return [component.name for component, slope in zip(model.states, slopes, strict=True) if not np.isfinite(slope)]
 
 
-def _is_needed(task: Task, name: str, values: Array) -> bool:
+def _is_needed(task: PreparedFit, name: str, values: Array) -> bool:
     """Whether the prediction depends on this value, so that it is unknown without it."""
     known = np.where(np.isnan(values), 1.0, values)
     known[value_names(task.model).index(name)] = np.nan
     return not np.isfinite(task.problem.first(2).predicted(known)).all()
 
 
-def unknown_text(task: Task, estimates: Mapping[str, Estimate]) -> str:
+def unknown_text(task: PreparedFit, estimates: Mapping[str, Estimate]) -> str:
     """Say which derived quantities could not be computed, and what they need; empty when all could."""
     unknown_derived = [quantity.name for quantity in task.model.derived if np.isnan(estimates[quantity.name].value)]
     unknown = [name for name, estimate in task.known.items() if np.isnan(estimate.value)]
@@ -204,7 +204,7 @@ def unknown_text(task: Task, estimates: Mapping[str, Estimate]) -> str:
     return f"{_and(unknown_derived)} needs {_and(unknown)}: give it a known value"
 
 
-def residual_above_noise(task: Task, rms: Array, noise: Array) -> FitProblem:
+def residual_above_noise(task: PreparedFit, rms: Array, noise: Array) -> FitProblem:
     """Say how far the residual is above the noise. ``rms`` and ``noise`` (d,), in the observed units."""
     with np.errstate(all="ignore"):
         parts = zip(task.model.observed, rms / noise, strict=True)
@@ -238,7 +238,7 @@ def above_rounding(rms: Array, size: Array) -> bool:
 
 
 def needed_samples(n_observed: int, n_free: int) -> int:
-    """Smallest number of samples of so many quantities for so many unknowns."""
+    """Smallest number of samples of ``n_observed`` quantities for ``n_free`` unknowns."""
     return -(-n_free // n_observed) + SPARE
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from fitters.integrator.initial_value_problem import value_names
 from fitters.noise.sandwich_covariance import inverse_normal
-from fitters.ode.fit_problem import Task
+from fitters.ode.fit_problem import PreparedFit
 from fitters.ode.least_squares import Solution, Target
 from fitters.ode.model_discrepancy import response_to_force
 from iris_sysid.types import Array, Estimate, Mask, OdeModel, Trajectory
@@ -24,15 +24,17 @@ UNSEEN_DRAG = "drag that the data cannot rule out"
 AIR = 1.2  # kg/m^3, at sea level and 20 degrees
 COEFFICIENTS = 0.1, 2.0  # of drag: a streamlined body, and a plate across the wind (Hoerner 1965, Fluid-Dynamic Drag)
 # Drag over mass, 1/m: a steel ball of 2 cm has 0.002, a table tennis ball 0.12, a balloon 2.
-LEAST, MOST = 0.002, 2.0
+MIN_DRAG, MAX_DRAG = 0.002, 2.0
 NEGLIGIBLE = 0.2  # probability, before the data, that there is no drag to speak of: a heavy body, or a slow one
 GRID = 200
 
 
-def unseen_drag(task: Task, target: Target, solution: Solution, sensitivity: Array, usable: Mask) -> Array | None:
+def unseen_drag(
+    task: PreparedFit, target: Target, solution: Solution, sensitivity: Array, usable: Mask
+) -> Array | None:
     """Change (k,) of the free values for one standard error of a drag that is not in the equation.
 
-    None for a motion that is no free fall with gravity estimated; NaN for values at a bound.
+    None for a motion other than a free fall with gravity estimated; NaN for values at a bound.
 
     Parameters
     ----------
@@ -56,10 +58,10 @@ def unseen_drag(task: Task, target: Target, solution: Solution, sensitivity: Arr
     return shift if np.all(np.isfinite(shift[usable])) else None
 
 
-def drag_response(task: Task, target: Target, solution: Solution, estimated: Collection[str]) -> Array | None:
+def drag_response(task: PreparedFit, target: Target, solution: Solution, estimated: Collection[str]) -> Array | None:
     """What a unit of drag adds to the used samples (n * d,), in units of sigma.
 
-    None for a motion that is no free fall with gravity estimated.
+    None for a motion other than a free fall with gravity estimated.
 
     Parameters
     ----------
@@ -74,7 +76,7 @@ def drag_response(task: Task, target: Target, solution: Solution, estimated: Col
     return None if response is None else np.asarray((response / target.sigma)[target.used].ravel())
 
 
-def _falls_freely(task: Task, estimated: Collection[str]) -> bool:
+def _falls_freely(task: PreparedFit, estimated: Collection[str]) -> bool:
     """Whether nothing but an estimated gravity acts on the body: a fall or a throw."""
     model = task.model
     return (
@@ -97,7 +99,7 @@ def _drag(velocity: Array) -> Array:
     return np.asarray(-np.linalg.norm(velocity, axis=1, keepdims=True) * velocity)
 
 
-def gravity_of(task: Task, solution: Solution) -> float:
+def gravity_of(task: PreparedFit, solution: Solution) -> float:
     """The fitted gravity, in the unit of length of the trajectory per s^2."""
     (name, *_) = (parameter.name for parameter in task.model.with_role("gravity"))
     return float(solution.values[value_names(task.model).index(name)])
@@ -118,14 +120,19 @@ def prior_of(trajectory: Trajectory, gravity: float) -> tuple[float, float, floa
     mass, radius = stated.get("mass"), stated.get("ball_radius")
     metres = STANDARD_GRAVITY / max(abs(gravity), 1e-9)
     if mass is None or radius is None or not (mass.value > 0 and radius.value > 0):
-        return LEAST * metres, MOST * metres, NEGLIGIBLE
+        return MIN_DRAG * metres, MAX_DRAG * metres, NEGLIGIBLE
     area = np.pi * radius.value**2
     least, most = (float(0.5 * AIR * coefficient * area / mass.value * metres) for coefficient in COEFFICIENTS)
     return least, most, 0.0
 
 
 def root_mean_square(
-    residual: Array, unseen: Array, count: int, least: float = LEAST, most: float = MOST, negligible: float = NEGLIGIBLE
+    residual: Array,
+    unseen: Array,
+    count: int,
+    least: float = MIN_DRAG,
+    most: float = MAX_DRAG,
+    negligible: float = NEGLIGIBLE,
 ) -> float:
     """Root of the mean square of k, from its prior and what a residual says of it, in noise of unknown size.
 

@@ -17,7 +17,7 @@ from scipy.optimize import least_squares
 from scipy.sparse import csr_array
 
 from fitters.integrator.initial_value_problem import InitialValueProblem, value_names
-from fitters.ode.fit_problem import Task, guesses, starting_values
+from fitters.ode.fit_problem import PreparedFit, guesses, starting_values
 from fitters.ode.request import FitRequest
 from fitters.ode.single_clip import NoMinimumError, task_of
 from fitters.starting_values import bump
@@ -109,14 +109,14 @@ class _WeakForm:
     The inputs of ``problem`` are those at the samples: of one that is held, the mean of before and after.
     """
 
-    task: Task
+    task: PreparedFit
     problem: InitialValueProblem
     states: Array
     left: Array
     windows: csr_array
 
     @classmethod
-    def of(cls, task: Task, smoothed: Smoothed) -> _WeakForm | None:
+    def of(cls, task: PreparedFit, smoothed: Smoothed) -> _WeakForm | None:
         model, span = task.model, task.selection.span
         names = [quantity.name for quantity in model.observed]
         which = [names.index(state.name) for state in model.states[: model.degrees_of_freedom]]

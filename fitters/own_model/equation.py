@@ -17,7 +17,7 @@ from iris_sysid.units import rate_of
 
 TIME = "t"
 INPUT_NAME = re.compile(r"u[0-9]*")
-MOST_STATES = 12
+MAX_STATES = 12
 POSITIVE = ("sqrt", "log")
 ANYTHING = (float("-inf"), float("inf"))
 NO_UNITS: Mapping[str, str] = MappingProxyType({})
@@ -43,7 +43,7 @@ class _System:
 
     @property
     def others(self) -> list[str]:
-        """Names that are no states, in the order in which they appear."""
+        """Names other than those of states, in the order in which they appear."""
         names = [part.head for _, side in self.sides.values() for part in side.names()]
         return list(dict.fromkeys(name for name in names if name not in self.states and name != TIME))
 
@@ -140,8 +140,8 @@ def _system(text: str) -> _System:
             reason = "has an equation already" if name in sides else "has a meaning of its own"
             raise ExpressionError(text, left.column, f"{name} {reason}")
         sides[name] = order, right
-    if len(sides) > MOST_STATES:
-        raise ExpressionError(text, 0, f"more than {MOST_STATES} equations")
+    if len(sides) > MAX_STATES:
+        raise ExpressionError(text, 0, f"more than {MAX_STATES} equations")
     system = _System(text, MappingProxyType(sides))
     for _, side in sides.values():
         for part in side.names():

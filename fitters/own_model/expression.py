@@ -16,7 +16,7 @@ import numpy as np
 from iris_sysid.errors import DataError
 from iris_sysid.types import symbol_of
 
-LONGEST, DEEPEST, MOST_OPERATIONS = 1000, 30, 150  # characters of a text, brackets in brackets, operations
+LONGEST, DEEPEST, MAX_OPERATIONS = 1000, 30, 150  # characters of a text, brackets in brackets, operations
 LONGEST_NAME = 40
 CONSTANTS = {"pi": np.pi}
 FUNCTIONS: Mapping[str, Callable[..., float]] = {
@@ -31,7 +31,7 @@ PRECEDENCE = {"+": 1, "-": 1, "*": 2, "/": 2, "negative": 2, "^": 4}
 
 
 class ExpressionError(DataError):
-    """A text that is no expression; the message says at which column, and what stands there."""
+    """A text that is not an expression; the message names the column and the sign there."""
 
     def __init__(self, text: str, column: int, reason: str) -> None:
         there = "".join(letter if letter.isprintable() else "?" for letter in text[column : column + 20])
@@ -216,8 +216,8 @@ class _Reader:
 
     def operation(self, head: str, token: _Token, *parts: Expression) -> Expression:
         self.operations += 1
-        if self.operations > MOST_OPERATIONS:
-            raise self.fail(f"the equation has more than {MOST_OPERATIONS} operations", token)
+        if self.operations > MAX_OPERATIONS:
+            raise self.fail(f"the equation has more than {MAX_OPERATIONS} operations", token)
         return Expression(head, parts, None, token.column)
 
     def sum(self) -> Expression:

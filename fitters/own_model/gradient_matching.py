@@ -21,7 +21,7 @@ from iris_sysid.types import Array
 
 POINTS = 100  # at which the right-hand side is compared
 SHARES = (0.02, 0.06, 0.15)  # half widths of the local cubics, as fractions of the record
-LEAST = 4  # samples in half a width
+MIN_SAMPLES = 4  # samples in half a width
 DRAWS, REFINED, EVALUATIONS = 200, 3, 60  # random values, those improved, and evaluations for each of them
 DECADES = 3.0
 Residual = Callable[[Array], Array]
@@ -71,7 +71,7 @@ def matched_starts(
 
 
 def _smoothed(problem: InitialValueProblem, t_s: Array, observed: Array, share: float) -> _Smoothed:
-    half = max(share * float(t_s[-1] - t_s[0]), LEAST * float(np.median(np.diff(t_s))))
+    half = max(share * float(t_s[-1] - t_s[0]), MIN_SAMPLES * float(np.median(np.diff(t_s))))
     centres = np.linspace(t_s[0], t_s[-1], min(POINTS, t_s.size))
     local = np.array([_cubic(t_s, observed, centre, half) for centre in centres])  # (m, 3, d)
     d = observed.shape[1]
@@ -87,7 +87,7 @@ def _smoothed(problem: InitialValueProblem, t_s: Array, observed: Array, share: 
 def _cubic(t_s: Array, observed: Array, centre: float, half: float) -> Array:
     """Value, first and second derivative (3, d) at a time, of the cubic nearest to the samples about it."""
     first, last = np.searchsorted(t_s, [centre - half, centre + half])
-    first, last = max(min(int(first), t_s.size - 2 * LEAST), 0), min(max(int(last), 2 * LEAST), t_s.size)
+    first, last = max(min(int(first), t_s.size - 2 * MIN_SAMPLES), 0), min(max(int(last), 2 * MIN_SAMPLES), t_s.size)
     u = (t_s[first:last] - centre) / half
     coefficients = np.linalg.lstsq(u[:, None] ** np.arange(4), observed[first:last], rcond=None)[0]
     return np.asarray(coefficients[:3] * np.array([[1.0], [1.0 / half], [2.0 / half**2]]))

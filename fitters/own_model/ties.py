@@ -88,7 +88,7 @@ def tied_model(model: OdeModel, ties: tuple[tuple[str, str], ...]) -> OdeModel:
     own = {parameter.name: parameter for parameter in model.parameters}
     for name, expression in read.items():
         if name not in own:
-            raise FitError(f"{name} cannot be tied: it is no parameter of the model {model.name!r}")
+            raise FitError(f"{name} cannot be tied: it is not a parameter of the model {model.name!r}")
         for part in expression.names():
             if part.head in read or part.head in model.initial_names:
                 raise FitError(f"{name} is tied to {part.head}, which is tied itself or an initial value")

@@ -17,7 +17,7 @@ from scipy.optimize import least_squares
 from fitters.noise.measurement_noise import noise_from_differences
 from iris_sysid.types import Array, Mask, OdeModel, Quantity, Trajectory
 
-LARGEST_RADIUS = 30.0  # times the extent of a track: a circle that large is a line
+MAX_RADIUS = 30.0  # times the extent of a track: a circle that large is a line
 ObservableName = Literal[
     "as given", "position", "height", "tilted height", "distance", "angle", "apparent radius", "angles", "distances"
 ]
@@ -144,7 +144,7 @@ def _circle(raw: Raw, known: Mask) -> ObservableCandidate | None:
     sigma, position = raw.sigma("x", "z"), np.column_stack([raw.column("x"), raw.column("z")])
     fitted = circle_of(position[known])
     extent = float(np.max(np.ptp(position[known], axis=0)))
-    if fitted is None or not 0 < fitted[2] < LARGEST_RADIUS * extent:
+    if fitted is None or not 0 < fitted[2] < MAX_RADIUS * extent:
         return None
     x, z, radius = fitted
     angle = np.unwrap(np.arctan2(position[:, 0] - x, z - position[:, 1]))

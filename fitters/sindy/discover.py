@@ -23,7 +23,6 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]  # ships none
 
-from fitters.sindy.given_library import check_finite, with_features
 from fitters.sindy.library import (
     DIFFERENCE,
     INPUT,
@@ -31,7 +30,6 @@ from fitters.sindy.library import (
     ONE,
     RATE,
     SIN,
-    TURNOVER,
     Library,
     library_of,
     turnover_of,
@@ -45,8 +43,6 @@ from fitters.sindy.residual import beyond
 from fitters.sindy.sparse_regression import (
     Compressed,
     Kept,
-    check_optimizer,
-    chosen_by,
     predicted_best,
     proposed,
     significant,
@@ -76,8 +72,6 @@ def discover(
     quantities: Sequence[str] = (),
     known: Mapping[str, Estimate] = NOTHING,
     residual_of: str | None = None,
-    library: Any = None,
-    optimizer: Any = None,
     resampled: int = 100,
     seed: int = 0,
 ) -> Discovery:
@@ -93,16 +87,10 @@ def discover(
         Constants of the bank's models by name, e.g. gravity, with their errors.
     residual_of
         Name of a model of the bank whose terms are kept: further terms explain only the residual of its fit.
-    library
-        A feature library of pysindy in place of our candidates. It is given the values in their units, then (for
-        equations of second order) their rates, then the known inputs; each feature is a candidate of every equation.
-    optimizer
-        An optimizer of pysindy that proposes the terms, in place of its SSR with held-out windows; the trajectory
-        fits add to its proposal and remove from it as always.
     resampled
         Number of resampled data sets for the inclusion probabilities.
     seed
-        Seed of the resampling, and of an optimizer that draws.
+        Seed of the resampling.
 
     Returns
     -------
@@ -113,8 +101,7 @@ def discover(
     Raises
     ------
     DataError
-        When there are too few samples, a quantity does not move, is unknown, or differs between clips, and for a
-        library or an optimizer that cannot be used.
+        When there are too few samples, a quantity does not move, is unknown, or differs between clips.
     FitError
         When no proposed equation could be fitted, or the model of ``residual_of`` is none of these quantities.
 
@@ -130,17 +117,14 @@ def discover(
     ['z', "z'"]
     """
     clips = _clips(trajectories, quantities)
-    if optimizer is not None:
-        check_optimizer(optimizer)
-    candidates = _candidates(clips[0], library)
+    observed = clips[0].quantities, clips[0].input_quantities
+    candidates = library_of(*observed)
     with threadpool_limits(limits=1, user_api="blas"):  # the matrices are small: threads cost more time than they save
         pieces = [piece for clip in clips for piece in pieces_of(clip, candidates)]
         if not pieces:
             raise DataError("no stretch of motion without a gap is long enough to discover an equation in")
-        for piece in pieces:
-            check_finite(candidates, piece.values, piece.rates, piece.inputs)
         speeds = np.concatenate([piece.rates for piece in pieces])
-        candidates = _candidates(clips[0], library, turnover_of(speeds))
+        candidates = library_of(*observed, turnover_of(speeds))
         rng, constants = np.random.default_rng(seed), {**clips[0].geometry, **known}
         if residual_of is not None:
             own = terms_of(candidates, residual_of)
@@ -149,9 +133,7 @@ def discover(
                 candidates, choice, own, shares, [], *_compared(clips, candidates, choice, constants)
             )
         else:
-            discovery = _discovered(
-                clips, candidates, _starts(pieces, candidates, optimizer, seed), constants, rng, resampled
-            )
+            discovery = _discovered(clips, candidates, _starts(pieces, candidates), constants, rng, resampled)
     return replace(discovery, origin=_origin(clips))
 
 
@@ -174,12 +156,6 @@ def _discovered(
 
 
 # --------------------------------------------------------------------------- what is asked
-
-
-def _candidates(clip: Trajectory, given: Any, turnover: float = TURNOVER) -> Library:
-    """Our own candidates, or the features of a library that was given."""
-    own = library_of(clip.quantities, clip.input_quantities, turnover)
-    return own if given is None else with_features(own, given)
 
 
 def _clips(trajectories: Trajectory | Sequence[Trajectory], quantities: Sequence[str]) -> list[Trajectory]:
@@ -224,13 +200,11 @@ def _origin(clips: Sequence[Trajectory]) -> dict[str, Any]:
 # --------------------------------------------------------------------------- proposals
 
 
-def _starts(pieces: list[Piece], library: Library, optimizer: Any, seed: int) -> list[tuple[Kept, dict[str, float]]]:
+def _starts(pieces: list[Piece], library: Library) -> list[tuple[Kept, dict[str, float]]]:
     """Proposed choices with coefficients: pysindy's, the significant terms, all smooth terms, then single terms."""
     rows = rows_of(pieces, library)
     choices = [proposed(row) for row in rows]
     best = [path[predicted_best(row, path)] for row, path in zip(rows, choices, strict=True)]
-    if optimizer is not None:
-        best = [chosen_by(optimizer, row, seed) for row in rows]
     normals = [Compressed.of(row.right, row.left) for row in rows]
     sure = [np.array(significant(problem, term_price(problem)), dtype=np.intp) for problem in normals]
     smooth = [_smooth(library, equation) for equation in range(len(rows))]

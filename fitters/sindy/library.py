@@ -23,7 +23,6 @@ Kind = Literal["angle", "position", "size", "amount"]
 
 # The function of a term: of its own value a, another value b, its rate v and the body's speed w.
 ONE, LINEAR, SIN, COS, CUBE, ROOT, SQUARE, DIFFERENCE, RATE, DRAG, DRY, INPUT, OTHER_ROOT = range(13)
-FEATURE = 13  # a function that the library was given, see fitters.sindy.given_library
 
 CODES: dict[Kind, tuple[int, ...]] = {
     "angle": (ONE, LINEAR, SIN, COS, RATE, DRAG, DRY),
@@ -75,7 +74,7 @@ class Variable:
 class Term:
     """One candidate: ``code`` is its function, ``own`` and ``other`` are the variables (or input) that it takes.
 
-    ``other`` of a FEATURE is the index of its function; ``pushed`` says whether the term takes a known input.
+    ``pushed`` says whether it takes a known input.
     """
 
     equation: int
@@ -92,7 +91,7 @@ class Library:
     """The variables and candidates for trajectories of some quantities; terms are in order of their equation.
 
     ``partner`` says with which variable each one moves in a plane (itself where there is none), ``turnover`` is the
-    speed below which sign(v) turns over smoothly. ``functions(state, inputs)`` are those that the library was given.
+    speed below which sign(v) turns over smoothly.
     """
 
     variables: tuple[Variable, ...]
@@ -100,7 +99,6 @@ class Library:
     inputs: tuple[Quantity, ...]
     partner: tuple[int, ...]
     turnover: float
-    functions: tuple[Callable[..., Any], ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -336,13 +334,8 @@ def evaluated(library: Library, values: Array, rates: Array, inputs: Array | Non
         (n, m), None where there are none.
     """
     columns = []
-    state = (*values.T, *rates.T) if library.variables[0].order == 2 else tuple(values.T)
-    given = tuple(inputs.T) if inputs is not None else ()
     for term in library.terms:
         k, other = term.equation, term.other
-        if term.code == FEATURE:
-            columns.append(library.functions[other](state, given) + 0.0 * values[:, k])
-            continue
         velocity, along = rates[:, k], rates[:, library.partner[k]]
         speed = np.abs(velocity) if library.partner[k] == k else np.hypot(velocity, along)
         second = values[:, other] if term.code in (DIFFERENCE, OTHER_ROOT) else values[:, k]

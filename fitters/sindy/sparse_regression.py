@@ -7,21 +7,17 @@ microseconds, so that it can be repeated on resampled data.
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fitters.sindy.weak_form import Rows
-from iris_sysid.errors import DataError, FitError
 from iris_sysid.types import Array
 
 FOLDS = 5
 PRICES = (1.0, 1.5, 2.5, 4.0, 8.0, 16.0, 32.0)  # prices of a term, relative to the smallest
-TIED = ("TrappingSR3", "StableLinearSR3", "SINDyPI")
 ALIKE = 1e-8  # fraction of a column's length that other columns must not span, for it to be independent
 
 
@@ -45,50 +41,6 @@ def proposed(rows: Rows) -> list[NDArray[np.intp]]:
         # the first entry of the history is the array that the later steps overwrite
         chosen += [np.flatnonzero(coefficients[0]) for coefficients in regression.history_[1:]]
     return [np.empty(0, dtype=np.intp), *chosen[::-1]]
-
-
-def chosen_by(optimizer: Any, rows: Rows, seed: int) -> NDArray[np.intp]:
-    """The terms (c,) that an optimizer of pysindy leaves in whitened rows; indices.
-
-    Columns keep their units, so that a threshold is one of coefficients, as in pysindy.
-
-    Parameters
-    ----------
-    optimizer
-        An optimizer of pysindy; a copy of it is used.
-    rows
-        Of one equation.
-    seed
-        Of the numbers that an ensemble draws.
-
-    Raises
-    ------
-    FitError
-        When the optimizer fails.
-    """
-    own = copy.deepcopy(optimizer)
-    state = np.random.get_state()  # noqa: NPY002 - pysindy's ensembles draw from the global generator
-    np.random.seed(seed % 2**32)  # noqa: NPY002
-    try:
-        own.fit(rows.right, rows.left[:, None])
-    except Exception as error:  # whatever the optimizer raises
-        raise FitError(f"optimizer={type(optimizer).__name__} failed: {error}") from error
-    finally:
-        np.random.set_state(state)  # noqa: NPY002
-    return np.flatnonzero(np.atleast_2d(own.coef_)[0])
-
-
-def check_optimizer(optimizer: Any) -> None:
-    """DataError for what is not an optimizer, or ties the equations to each other, which are solved one by one here."""
-    name = type(optimizer).__name__
-    if isinstance(optimizer, type) or not hasattr(optimizer, "fit"):
-        raise DataError(f"optimizer={optimizer!r}: give an optimizer of pysindy, such as pysindy.STLSQ(threshold=0.1)")
-    if name in TIED or getattr(optimizer, "constraint_lhs", None) is not None:
-        raise DataError(
-            f"optimizer={name}: constraints between coefficients or equations would be lost, because each equation is "
-            "proposed by itself and refined by trajectory fits; give STLSQ, SR3, SSR, FROLS, EnsembleOptimizer or "
-            "WrappedOptimizer"
-        )
 
 
 def predicted_best(rows: Rows, choices: Sequence[NDArray[np.intp]]) -> int:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Generic, TypeVar
@@ -13,26 +13,17 @@ Job = TypeVar("Job")
 Outcome = TypeVar("Outcome")
 
 
-def nothing(job: object) -> Sequence[str]:
-    """No file: for jobs that read or write none in the folder of their batch."""
-    return ()
-
-
 @dataclass(frozen=True, slots=True)
 class Batch(Generic[Job, Outcome]):
     """What is to be done with each job, and the folder that all of them write into.
 
     ``work(folder, job)`` writes below ``folder`` only; a new process can import it, and an exception in it ends the
     run. ``lost(folder, job)`` gives the outcome of a job whose process died, e.g. because it ran out of memory.
-    ``reads(job)`` names the files below the folder that the job reads where they exist, ``last(job)`` those that make
-    it complete and are therefore written last: a machine without this folder gets the former and sends its files back.
     """
 
     folder: Path
     work: Callable[[Path, Job], Outcome]
     lost: Callable[[Path, Job], Outcome]
-    reads: Callable[[Job], Sequence[str]] = nothing
-    last: Callable[[Job], Sequence[str]] = nothing
 
 
 def limited(work: Callable[[Path, Job], Outcome], folder: Path, job: Job) -> Outcome:

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import pandas as pd
 
 from iris_sysid.benchmark.batch import Batch
 from iris_sysid.benchmark.dataset import places
-from iris_sysid.benchmark.groundtruth.measure import Conditions, Measurements, files_of, measure
-from iris_sysid.benchmark.parallel import Workers, side_by_side
+from iris_sysid.benchmark.groundtruth.measure import Conditions, Measurements, measure
+from iris_sysid.benchmark.parallel import Workers, run_parallel
 from iris_sysid.benchmark.sources.rows import (
     OK,
     ROBUSTNESS,
@@ -191,8 +191,8 @@ def _all_done(
     """
     kept = {unit.place: _kept(work / unit.place) for unit in units}
     missing, lost = [unit for unit in units if kept[unit.place] is None], []
-    batch = Batch(work, work_on, _lost, reads=lambda unit: files_of(unit.subject.clip))
-    outcomes = side_by_side(batch, missing, workers)
+    batch = Batch(work, work_on, _lost)
+    outcomes = run_parallel(batch, missing, workers)
     for unit, whole in with_progress(outcomes, progress, len(units), done=len(units) - len(missing)):
         kept[unit.place] = _kept(work / unit.place)
         if not whole:
@@ -219,7 +219,7 @@ def _lost(folder: Path, unit: Unit) -> bool:
 
 def work_on(folder: Path, unit: Unit) -> bool:
     """Run one study of one clip and write its rows, an empty file for no rows. True when the file is written."""
-    subject = replace(unit.subject, measured=unit.subject.measured.within(folder))
+    subject = unit.subject
     if unit.study == ROBUSTNESS:
         records = robustness_rows(subject, unit.measured, seed=unit.seed)
     elif unit.study == SELECTION:

@@ -7,12 +7,11 @@ import io
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 from iris_sysid.benchmark.batch import Batch
-from iris_sysid.benchmark.parallel import Workers, check_workers, side_by_side
+from iris_sysid.benchmark.parallel import Workers, check_workers, run_parallel
 from iris_sysid.errors import DataError, FitError, IrisError, OutputError
 from iris_sysid.io.files import write_atomic
 from iris_sysid.io.formula_cells import guarded
@@ -113,7 +112,7 @@ def diagnose_each(
         Made when missing; of this and earlier batches alone.
     workers
         Number of parallel processes, 0 for this one, or the address or file of a dask scheduler, whose workers find the
-        tables under the same absolute paths.
+        tables and the folder under the same absolute paths.
     overwrite
         Write into a folder that holds diagnoses but no summary of a batch.
     progress
@@ -139,10 +138,10 @@ def diagnose_each(
     _check_names([table.name for table in tables])
     if not (root / SUMMARY).is_file():
         _check_outputs(root, tables, overwrite=overwrite)
-    batch = Batch(root, DiagnoseEach(prepare), _lost, reads=partial(_earlier, root), last=_last)
+    batch = Batch(root, DiagnoseEach(prepare), _lost)
     try:
         _write_summary(root, [])
-        for table, reason in with_progress(side_by_side(batch, tables, workers), progress, len(tables)):
+        for table, reason in with_progress(run_parallel(batch, tables, workers), progress, len(tables)):
             reasons[table.name] = reason
             if reason and tell is not None:
                 tell(f"{table.name}: {reason}")
@@ -169,15 +168,6 @@ def _is_done(folder: Path, clip: Trajectory) -> bool:
         return read_document(folder / DOCUMENT, DiagnosisDocument).origin == plain_origin(clip.origin)
     except IrisError:
         return False
-
-
-def _earlier(root: Path, table: NamedTable) -> list[str]:
-    """The document of an earlier run that wrote all files."""
-    return [f"{table.name}/{DOCUMENT}"] if (root / table.name / PAGE).is_file() else []
-
-
-def _last(table: NamedTable) -> list[str]:
-    return [f"{table.name}/{PAGE}"]
 
 
 def _lost(folder: Path, table: NamedTable) -> str:

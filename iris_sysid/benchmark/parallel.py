@@ -25,7 +25,7 @@ def check_workers(workers: Workers) -> None:
         raise DataError(f"workers must be a whole number from 0 to {MAX_WORKERS}, not {workers!r}")
 
 
-def side_by_side(batch: Batch[Job, Outcome], jobs: Sequence[Job], workers: Workers) -> Iterator[tuple[Job, Outcome]]:
+def run_parallel(batch: Batch[Job, Outcome], jobs: Sequence[Job], workers: Workers) -> Iterator[tuple[Job, Outcome]]:
     """Run all jobs, and yield each with its outcome in the order in which they finish.
 
     Parameters

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from iris_sysid.benchmark.batch import Batch
-from iris_sysid.benchmark.parallel import Workers, check_workers, side_by_side
+from iris_sysid.benchmark.parallel import Workers, check_workers, run_parallel
 from iris_sysid.errors import DataError, IrisError, OutputError
 from iris_sysid.io.files import check_writable, json_text, origin_of, write_atomic
 from iris_sysid.synthetic.board import render_checkerboard
@@ -121,8 +121,8 @@ def render_dataset(
     _claim(root, options)
     missing = [job for job in jobs if not (root / job.place).exists()]
     with _workshop(root):
-        batch = Batch(root, _attempt, _lost, last=lambda job: (job.place,))
-        outcomes = side_by_side(batch, missing, workers)
+        batch = Batch(root, _attempt, _lost)
+        outcomes = run_parallel(batch, missing, workers)
         _check_all(with_progress(outcomes, progress, len(jobs), done=len(jobs) - len(missing)))
     _write_parameters(root)
     written = {job.place for job in missing}

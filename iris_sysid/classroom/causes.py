@@ -36,7 +36,7 @@ CauseKind = Literal[
     "clock-or-scale", "incomplete", "imprecise",
 ]  # fmt: skip
 
-FEWEST = 3  # groups that show a quantity, for a group to be compared with them
+MIN_GROUPS = 3  # groups that show a quantity, for a group to be compared with them
 FACTOR = math.log(1.08)  # of time or length, from which it is named even where the value is not off
 SIGNIFICANT = 4.0  # standard errors
 AGREES = 0.03  # natural logarithm, beside three standard errors, within which two factors are the same
@@ -76,7 +76,7 @@ class Offset:
 
     @property
     def factor(self) -> float:
-        """The ratio of which the value is the logarithm."""
+        """The ratio whose logarithm is the value."""
         return math.exp(self.value)
 
     def significant(self, least: float) -> bool:
@@ -111,7 +111,7 @@ class Comparison:
             for entry in self._of_others(name)
             if entry.unit == own.unit and number(entry.value) > 0
         ]
-        if len(others) < FEWEST:
+        if len(others) < MIN_GROUPS:
             return None
         return _offset(math.log(number(own.value)), number(own.stderr) / number(own.value), others, SPREAD_FLOOR)
 
@@ -119,7 +119,7 @@ class Comparison:
         """Evidence of this group, by ``name``, minus the median of the others; None where it is not known."""
         own = self.group.evidence.get(name)
         others = [number(entry.value) for entry in self._of_others(name)]
-        if own is None or own.value is None or len(others) < FEWEST:
+        if own is None or own.value is None or len(others) < MIN_GROUPS:
             return None
         return _offset(own.value, number(own.stderr), others, TILT_FLOOR)
 
@@ -148,7 +148,7 @@ def causes_of(group: GroupDocument, every: Sequence[GroupDocument], outlying: bo
     every
         What all groups of the class measured, this one included.
     outlying
-        Whether its value stands out: then faults are named that are no faults where the value agrees, such as a
+        Whether its value stands out: then faults are named that do not count where the value agrees, such as a
         track that is doubtful.
     """
     if not group.usable:
@@ -219,7 +219,7 @@ def _swing(compared: Comparison) -> tuple[Cause, ...]:
     beside = "its arc is as large as theirs" if not arc.significant(compared.least) else "its arc does not fit that"
     causes = [_clock(compared, period, beside)]
     if arc.significant(max(compared.least, FACTOR)):
-        causes.append(_scale(arc, "its period is no measure of that"))
+        causes.append(_scale(arc, "its period does not measure that"))
     return tuple(causes)
 
 
@@ -294,7 +294,7 @@ def _constant(compared: Comparison) -> tuple[Cause, ...]:
             if other is not compared.group and name in other.parameters and name not in other.free
         ]
         known = np.array([value for value in others if value is not None])
-        if len(known) < FEWEST or np.ptp(known) > 1e-2 * abs(np.median(known)):
+        if len(known) < MIN_GROUPS or np.ptp(known) > 1e-2 * abs(np.median(known)):
             continue
         usual = float(np.median(known))
         if compared.outlying and abs(own.value - usual) > 2e-2 * abs(usual):

@@ -15,7 +15,7 @@ from iris_sysid.types import Array, Calibration, Estimate, FitResult, Mask, Phen
 PERIOD, ARC, TILT = "period", "arc", "tilt"
 ACCELERATION, HEIGHT, FALL_TIME = "acceleration", "fall_height", "fall_time"
 DIAMETER, STEP, AMPLITUDE, CAPTURE = "diameter", "time_step", "amplitude", "capture_rate"
-FEWEST = 5  # samples of a motion
+MIN_SAMPLES = 5  # samples of a motion
 BOW = 0.002  # bow of an arc's chord by a lens: what is more of it, the scatter of the class shows
 
 
@@ -100,7 +100,7 @@ def _of_a_swing(world: Trajectory | None, trajectory: Trajectory, fit: FitResult
         if angles.size:
             low, high = np.percentile(angles, (1, 99))
             found[AMPLITUDE] = _shown(float(high - low) / 2, 0.0, "rad")
-    if world is not None and (used := _in_motion(world)).sum() >= FEWEST:
+    if world is not None and (used := _in_motion(world)).sum() >= MIN_SAMPLES:
         radius, stderr = circle_radius(world.position[used, :2], BOW)
         if stderr < radius:
             found[ARC] = _shown(radius, stderr, world.quantities[0].unit)
@@ -127,7 +127,7 @@ def _of_a_flight(world: Trajectory | None, trajectory: Trajectory) -> dict[str, 
     body = trajectory if world is None else world
     names = [quantity.name for quantity in body.quantities]
     used = _in_motion(body)
-    if "z" not in names or used.sum() < FEWEST:
+    if "z" not in names or used.sum() < MIN_SAMPLES:
         return {}
     t_s, height = body.t_s[used] - body.t_s[used][0], body.position[used, names.index("z")]
     unit = body.quantities[names.index("z")].unit

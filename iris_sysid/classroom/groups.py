@@ -19,7 +19,7 @@ TABLES = (".csv", ".txt", ".tsv", ".dat", ".xlsx", ".xls")
 GROUPS_FILE = "groups.csv"  # beside the clips: what is special about single groups
 TRUTH = ".truth.csv"  # beside a clip that iris-sysid render made
 RUN_TABLE = "trajectory.csv"  # in a folder that iris-sysid run wrote
-MOST_GROUPS = 1000
+MAX_GROUPS = 1000
 LONGEST_NAME = 60
 
 
@@ -36,7 +36,7 @@ class GroupRequest:
     calibration: Calibration | None = None
     settings: Mapping[str, Estimate] = field(default_factory=dict)
     free: tuple[str, ...] = ()
-    track: TrackOptions = field(default_factory=TrackOptions)
+    tracking: TrackOptions = field(default_factory=TrackOptions)
     clip: ClipOptions = field(default_factory=ClipOptions)
     geometry: GeometryOptions = field(default_factory=GeometryOptions)
     columns: Mapping[str, str] | None = None
@@ -136,8 +136,8 @@ def _of_a_folder(folder: Path) -> Iterable[Source]:
 
 
 def _check_names(found: Sequence[Source], path: Path) -> None:
-    if len(found) > MOST_GROUPS:
-        raise DataError(f"{path} holds {len(found)} groups; at most {MOST_GROUPS} are compared: is it one class?")
+    if len(found) > MAX_GROUPS:
+        raise DataError(f"{path} holds {len(found)} groups; at most {MAX_GROUPS} are compared: is it one class?")
     seen: dict[str, Source] = {}
     for source in found:
         if source.group in seen:

@@ -14,7 +14,7 @@ import numpy as np
 from fitters.ode.single_clip import fit
 from fitters.positions import fit_positions, phenomenon_of
 from iris_sysid.benchmark.batch import Batch
-from iris_sysid.benchmark.parallel import Workers, check_workers, side_by_side
+from iris_sysid.benchmark.parallel import Workers, check_workers, run_parallel
 from iris_sysid.calibration.pixel_scale import uncalibrated
 from iris_sysid.classroom.evidence import CAPTURE, diameter_of, evidence_of
 from iris_sysid.classroom.groups import Group
@@ -107,8 +107,8 @@ def measure_groups(
     """
     check_workers(workers)
     root, now = Path(folder), 0
-    batch = Batch(root, _measured_now, _lost, reads=_kept_files, last=lambda group: (_place(group, DOCUMENT),))
-    for group, (measured_now, reason) in with_progress(side_by_side(batch, groups, workers), progress, len(groups)):
+    batch = Batch(root, _measured_now, _lost)
+    for group, (measured_now, reason) in with_progress(run_parallel(batch, groups, workers), progress, len(groups)):
         now += measured_now
         if reason and tell is not None:
             tell(f"{group.name}: {reason}")
@@ -122,10 +122,6 @@ def page_of(group: Group) -> str:
 
 def _place(group: Group, name: str) -> str:
     return f"{GROUPS}/{group.source.folder}/{name}"
-
-
-def _kept_files(group: Group) -> list[str]:
-    return [_place(group, DOCUMENT), _place(group, PAGE)]
 
 
 def _measured_now(root: Path, group: Group) -> tuple[bool, str]:
@@ -194,7 +190,7 @@ def _of_a_clip(group: Group, folder: Path, corrected: Sequence[Track]) -> Measur
     if corrected:
         chain = partial(run_tracked, open_clip(path, request.clip), corrected, request.phenomenon, source=path)
     else:
-        chain = partial(run, path, request.phenomenon, options=request.track)
+        chain = partial(run, path, request.phenomenon, options=request.tracking)
     result = chain(
         calibration=request.calibration,
         settings=request.settings,

@@ -9,7 +9,7 @@ import numpy as np
 from fitters.noise.random_effects import random_effects
 from iris_sysid.types import Array, Mask, student_ppf
 
-FEWEST = 4  # groups: of three, none can be said to be the one that is wrong
+MIN_GROUPS = 4  # groups: of three, none can be said to be the one that is wrong
 NORMAL_MAD = 1.4826  # median absolute deviation to standard deviation of a normal
 FIRST = 5.0  # standard deviations from the median at which a value is left out of the first estimate of the scatter
 FALSE_ALARM = 0.01  # chance that any group of a class without faults is called an outlier
@@ -22,7 +22,7 @@ def deviations(values: Array, stderrs: Array) -> tuple[Array, Mask]:
     The values that belong together have a common mean and a scatter between groups, both by restricted maximum
     likelihood; starting from those near the median (distance 5 median absolute deviations), a value is an outlier
     where its distance from their mean exceeds Student's quantile with a false alarm in 1 % of all classes
-    (Bonferroni), and what is no outlier belongs to them, until nothing changes.
+    (Bonferroni), and every value within it belongs to them, until nothing changes.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def deviations(values: Array, stderrs: Array) -> tuple[Array, Mask]:
     """
     known = np.isfinite(values) & np.isfinite(stderrs) & (stderrs > 0)
     distance, outlying = np.full(values.size, math.nan), np.zeros(values.size, dtype=np.bool_)
-    if known.sum() < FEWEST:
+    if known.sum() < MIN_GROUPS:
         return distance, outlying
     distance[known], outlying[known] = _deviations(values[known], stderrs[known])
     return distance, outlying
@@ -52,7 +52,7 @@ def _deviations(values: Array, stderrs: Array) -> tuple[Array, Mask]:
     alike = np.abs(values - middle) <= FIRST * np.hypot(spread, stderrs)
     distance = np.abs(values - middle) / np.hypot(spread, stderrs)
     for _ in range(ROUNDS):
-        if alike.sum() < FEWEST - 1:
+        if alike.sum() < MIN_GROUPS - 1:
             break
         distance = _distances(values, stderrs, alike)
         limit = student_ppf(1 - FALSE_ALARM / (2 * values.size), int(alike.sum()) - 1)

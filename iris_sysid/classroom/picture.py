@@ -17,7 +17,7 @@ from iris_sysid.types import NORMAL_975
 
 USUAL, OUTLYING, MEAN, KNOWN = "#0072B2", "#D55E00", "#0072B2", "#009E73"  # Okabe and Ito (2008)
 AXIS = "#808080"  # seen on white and on black
-WIDTH_IN, ROW_IN, LEAST_IN = 8.0, 0.24, 2.0
+WIDTH_IN, ROW_IN, MIN_IN = 8.0, 0.24, 2.0
 BEYOND = 1.6  # widths of the usual groups on either side, beyond which a value is drawn as an arrow at the edge
 LONGEST_NAME = 24
 
@@ -38,7 +38,7 @@ def class_figure(result: ClassResult) -> Figure:
         8 inches wide; as high as there are groups.
     """
     shown = [group for group in (*result.groups, *([result.teacher] if result.teacher else [])) if group.value]
-    figure = Figure(figsize=(WIDTH_IN, max(LEAST_IN, ROW_IN * len(shown) + 1.0)), layout="constrained")
+    figure = Figure(figsize=(WIDTH_IN, max(MIN_IN, ROW_IN * len(shown) + 1.0)), layout="constrained")
     axes = figure.add_subplot()
     if not shown:
         axes.text(0.5, 0.5, "no group has a value", ha="center", va="center", transform=axes.transAxes)

@@ -53,7 +53,6 @@ COMMANDS = {
         "Render a synthetic clip, or a whole synthetic data set, and write its exact truth beside it.",
     ),
     "demo": ("demo", "Render a clip with a hidden effect, find the effect, and compare all estimates with the truth."),
-    "tensors": ("tensors", "Write a clip as the benchmark's tensor."),
     "gt": (
         "gt",
         "Measure the ground truth of a data set: one value of each parameter and setting, beside direct measurements.",
@@ -69,7 +68,7 @@ GROUPS = {
     "One clip": ("run", "review", "calibrate", "frame", "track", "import"),
     "One table": ("smooth", "fit", "diagnose", "sealed", "plan", "discover"),
     "Many clips": ("class", "gt", "benchmark"),
-    "Synthetic clips": ("demo", "render", "tensors"),
+    "Synthetic clips": ("demo", "render"),
     "What there is": ("list", "schema"),
 }
 OTHERS = "Other commands"

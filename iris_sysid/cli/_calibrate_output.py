@@ -17,7 +17,7 @@ from iris_sysid.report.page import png_of
 from iris_sysid.report.text import with_error
 from iris_sysid.types import Calibration
 
-SMALLEST_TURN = 1e-6  # rad; below it the world is turned by definition, not by measurement
+MIN_TURN = 1e-6  # rad; below it the world is turned by definition, not by measurement
 DRAWINGS = ("camera", "board", "grid")
 
 
@@ -27,24 +27,7 @@ def plot_paths(output: Path) -> tuple[Path, ...]:
 
 
 def save(plane: CalibratedPlane, output: Path, *, plot: bool = False, overwrite: bool = False) -> list[Path]:
-    """Write calibration.json and, on request, its drawings beside it.
-
-    Parameters
-    ----------
-    plane
-        From :func:`iris_sysid.calibration.request.calibrate_plane`.
-    output
-        The file.
-    plot
-        Draw corners with their residuals, their coverage, and the world's grid.
-    overwrite
-        Replace files that exist.
-
-    Returns
-    -------
-    list of Path
-        The drawings.
-    """
+    """Write calibration.json and, with ``plot``, drawings beside it: corners, residuals, the grid; their paths."""
     figures = _figures(plane) if plot else {}
     write_calibration(plane.calibration, output, overwrite=overwrite)
     paths = dict(zip(DRAWINGS, plot_paths(output), strict=True))
@@ -65,24 +48,14 @@ def _figures(plane: CalibratedPlane) -> dict[str, Figure]:
 
 
 def text_of(calibration: Calibration, *, json: bool = False) -> str:
-    """A calibration as text for a terminal.
+    """Doubts, then scale, stretch, shear and turn with their standard errors, what the data fix, assumptions, notes.
 
-    Parameters
-    ----------
-    calibration
-        Of the plane.
-    json
-        Return calibration.json instead.
-
-    Returns
-    -------
-    str
-        Doubts, then scale, stretch, shear and turn with their standard errors, what the data fix, assumptions, notes.
+    The content of calibration.json instead with ``json``.
     """
     if json:
         return document_text(calibration_document(calibration)).rstrip("\n")
     geometry = local_geometry(calibration, calibration.centre_px)
-    shown = {name: value for name, value in geometry.items() if name != "turn_rad" or value.stderr > SMALLEST_TURN}
+    shown = {name: value for name, value in geometry.items() if name != "turn_rad" or value.stderr > MIN_TURN}
     x, y = calibration.centre_px
     rows = [f"{name:<10} {with_error(value)}" for name, value in shown.items()] + [f"at ({x:.0f}, {y:.0f}) px"]
     statements = [f"fixed by the data: {', '.join(fixed_by_data(calibration))}"]

@@ -39,28 +39,9 @@ def request_of(
     plumb: str | None = None,
     over: Path | None = None,
 ) -> CalibrationRequest:
-    """Read the options of the command.
+    """Read the options of the command; ``over`` is the clip that will be measured.
 
-    Parameters
-    ----------
-    sources
-        Images, folders of images, or one clip.
-    board, camera, size
-        As typed.
-    plumb
-        Two points of a plumb line, ``x1,y1,x2,y2``.
-    over
-        The clip that will be measured.
-
-    Returns
-    -------
-    CalibrationRequest
-        One of the four methods.
-
-    Raises
-    ------
-    CalibrationError, DataError
-        When the options choose no method, more than one, or cannot be read.
+    Raises a CalibrationError or DataError when they choose no method, more than one, or cannot be read.
     """
     _check_method(board, camera, size)
     return CalibrationRequest(

@@ -11,17 +11,17 @@ from typing import Any
 
 from iris_sysid.classroom.groups import GROUPS_FILE, Group, GroupRequest, Source, sources_in
 from iris_sysid.cli import _parsing
-from iris_sysid.cli.arguments import ClipArguments, ModelArguments, ScaleArguments, SceneArguments, TrackerArguments
+from iris_sysid.cli.arguments import FilmArguments
 from iris_sysid.errors import DataError, IrisError, UnknownNameError
 from iris_sysid.io.files import read_file
 from iris_sysid.io.table_headers import parse_columns
-from iris_sysid.pipeline import accepted_settings
-from iris_sysid.registry import MODELS, TRACKERS
-from iris_sysid.types import Estimate, GeometryOptions, Phenomenon
+from iris_sysid.registry import MODELS
+from iris_sysid.types import Estimate, Phenomenon
 
 # columns of groups.csv beside the group: an option each; several values of one are divided by ;
 ONE = ("scale", "scale_bar", "calibration", "fps", "start", "stop", "roi", "colour", "columns")
 SEVERAL = ("mark", "set", "free")
+NUMBERS = ("fps", "start", "stop")
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,100 +29,58 @@ class ClassOptions:
     """The options of ``class`` that say how a group is measured, as typed."""
 
     phenomenon: Phenomenon
-    scale: ScaleArguments
-    clip: ClipArguments
-    tracking: TrackerArguments
-    scene: SceneArguments
-    model: ModelArguments
+    film: FilmArguments
     columns: str | None = None
 
     def request(self) -> GroupRequest:
         """The typed request; DataError or CalibrationError for what cannot be read."""
-        described, tracking = self.phenomenon, self.tracking
-        if tracking.tracker is not None:
-            TRACKERS.named(tracking.tracker)
-            described = replace(described, tracker=tracking.tracker)
-        gravity, calibration = _parsing.calibration_of(self.scale.scale, self.scale.scale_bar, self.scale.calibration)
-        marks = self.scene.mark or ()
-        track = _parsing.track_options(described.bodies, tracking.roi, tracking.colour, curve=tracking.transfer)
-        return GroupRequest(
-            phenomenon=described,
-            calibration=calibration,
-            settings=_parsing.settings(self.model.known or (), accepted_settings(described)),
-            free=tuple(self.model.free or ()),
-            track=replace(track, marks=_parsing.body_marks(marks)),
-            clip=self.clip.options(_parsing.fraction(self.scene.time_base)),
-            geometry=GeometryOptions(
-                marks_px=_parsing.marks(marks),
-                plumb_px=_parsing.plumb_line(marks),
-                vertical=_parsing.vertical(self.scene.vertical),
-                scale_from_gravity=gravity,
-            ),
-            columns=None if self.columns is None else parse_columns(self.columns),
-            typed=self._typed(),
-        )
+        request = self.film.request(self.phenomenon)._asdict()
+        columns = None if self.columns is None else parse_columns(self.columns)
+        return GroupRequest(**{**request, "columns": columns, "typed": self._typed()})
 
     def _typed(self) -> dict[str, Any]:
         """The options as typed, for the origin of what is measured."""
         from iris_sysid.io.files import sha256_of
 
-        groups = (self.scale, self.clip, self.tracking, self.scene, self.model)
-        options = {name: value for group in groups for name, value in asdict(group).items() if value is not None}
-        if self.scale.calibration is not None:
-            options["calibration"] = sha256_of(self.scale.calibration)
+        options = {name: value for name, value in asdict(self.film).items() if value not in (None, [])}
+        if self.film.calibration is not None:
+            options["calibration"] = sha256_of(self.film.calibration)
         return {"phenomenon": self.phenomenon.name, "columns": self.columns, **options}
 
     def changed(self, given: Mapping[str, str], label: str) -> ClassOptions:
         """These options with those of one group in their place; ``label`` names its line in an error."""
         one = {name: given[name] for name in ONE if given.get(name)}
         several = {name: [part.strip() for part in given[name].split(";")] for name in SEVERAL if given.get(name)}
-        fps, start, stop = (
-            _number(one[name], f"{label}, column {name}") if name in one else getattr(self.clip, name)
-            for name in ("fps", "start", "stop")
+        own: dict[str, Any] = _scale_of(one) | {name: one[name] for name in ("roi", "colour") if name in one}
+        own |= {name: _number(one[name], f"{label}, column {name}") for name in NUMBERS if name in one}
+        film = replace(
+            self.film,
+            **own,
+            mark=_with_own(self.film.mark, several.get("mark", ())),
+            known=_with_own(self.film.known, several.get("set", ())),
+            free=[*self.film.free, *several.get("free", ())],
         )
-        return replace(
-            self,
-            scale=_scale_of(one) or self.scale,
-            clip=replace(self.clip, fps=fps, start=start, stop=stop),
-            tracking=replace(
-                self.tracking,
-                roi=one.get("roi", self.tracking.roi),
-                colour=one.get("colour", self.tracking.colour),
-            ),
-            scene=replace(self.scene, mark=_with_own(self.scene.mark, several.get("mark"))),
-            model=replace(
-                self.model,
-                known=_with_own(self.model.known, several.get("set")),
-                free=[*(self.model.free or ()), *several.get("free", ())],
-            ),
-            columns=one.get("columns", self.columns),
-        )
+        return replace(self, film=film, columns=one.get("columns", self.columns))
 
 
-def _with_own(common: Sequence[str] | None, own: Sequence[str] | None) -> list[str]:
+def _with_own(common: Sequence[str], own: Sequence[str]) -> list[str]:
     """Texts ``name=value`` of all groups, with those of one group in place of the same names."""
-    names = {text.partition("=")[0].strip() for text in own or ()}
-    return [*(text for text in common or () if text.partition("=")[0].strip() not in names), *(own or ())]
+    names = {text.partition("=")[0].strip() for text in own}
+    return [*(text for text in common if text.partition("=")[0].strip() not in names), *own]
 
 
-def _scale_of(given: Mapping[str, str]) -> ScaleArguments | None:
-    """The scale of one group; None where it has none of its own."""
-    file = given.get("calibration")
-    own = ScaleArguments(given.get("scale"), given.get("scale_bar"), None if file is None else Path(file))
-    return None if own == ScaleArguments() else own
+def _scale_of(given: Mapping[str, str]) -> dict[str, Any]:
+    """The scale of one group, in place of any other; empty where it has none of its own."""
+    own: dict[str, Any] = {name: given.get(name) for name in ("scale", "scale_bar", "calibration")}
+    if own["calibration"] is not None:
+        own["calibration"] = Path(own["calibration"])
+    return own if any(own.values()) else {}
 
 
 def references(phenomenon: Phenomenon, known: Sequence[str], value: str | None) -> dict[str, Estimate]:
     """What the class should find, by name; UnknownNameError for a name that the phenomenon's model does not have.
 
-    Parameters
-    ----------
-    phenomenon
-        What the groups measured.
-    known
-        Values as typed.
-    value
-        Name of the value to compare, to be checked as well.
+    ``value`` is the name of the value to compare, which is checked as well.
     """
     model = MODELS[phenomenon.model]
     units = model.units() | {quantity.name: quantity.unit for quantity in model.derived}
@@ -136,23 +94,9 @@ def references(phenomenon: Phenomenon, known: Sequence[str], value: str | None) 
 def groups_of(
     path: Path, options: ClassOptions, column: str | None, teacher: str | None
 ) -> tuple[list[Group], Group | None]:
-    """The groups of a class, and the teacher's own.
+    """The groups of a class, and the teacher's own: one of the groups, or a file.
 
-    Parameters
-    ----------
-    path
-        A folder, or a table of all groups.
-    options
-        That hold for all of them.
-    column
-        Of a table, that names the groups.
-    teacher
-        A group of the class, or a file of its own.
-
-    Raises
-    ------
-    DataError
-        When there is no group, or groups.csv cannot be read.
+    Raises a DataError when there is no group, or groups.csv cannot be read.
     """
     sources = sources_in(path, column)
     given = _given(path, sources) if path.is_dir() else {}

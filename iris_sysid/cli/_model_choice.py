@@ -12,6 +12,7 @@ from iris_sysid.cli import _own_equation, _terminal
 from iris_sysid.errors import DataError
 
 if TYPE_CHECKING:
+    from iris_sysid.cli.arguments import EquationArguments
     from iris_sysid.io.schemas import FitDocument
     from iris_sysid.types import OdeModel, Trajectory
 
@@ -19,50 +20,26 @@ AUTO = "auto"
 
 
 def stated_model(
-    model: str | None, phenomenon: str | None, clips: Sequence[Path], columns: str | None
+    stated: EquationArguments, phenomenon: str | None, clips: Sequence[Path], columns: str | None
 ) -> tuple[OdeModel, Sequence[str]]:
     """The model to diagnose, and the constants that its phenomenon estimates by default.
 
-    Parameters
-    ----------
-    model, phenomenon, columns
-        As typed.
-    clips
-        Tables and folders; without a model and a phenomenon they are those of run.
+    Without a model, an equation and a phenomenon it is that of run.
     """
+    from iris_sysid.benchmark.clip_folders import tables_in
     from iris_sysid.registry import MODELS, PHENOMENA
 
+    if stated.equation is not None:
+        _own_equation.check_one(stated, phenomenon)
+        return _own_equation.model_of(stated, tables_in(clips[0])[0], columns), ()
     described = None if phenomenon is None else PHENOMENA.named(phenomenon)
-    if model == AUTO:
+    if stated.model == AUTO:
         return _chosen(clips, columns), ()
-    if model is not None:
-        return MODELS.named(model), ()
+    if stated.model is not None:
+        return MODELS.named(stated.model), ()
     if described is None:
         return MODELS.named(model_of_runs(clips)), ()
     return MODELS.named(described.model), described.free
-
-
-def written_model(
-    other: str | None,
-    equation: str,
-    bound: list[str] | None,
-    known: list[str] | None,
-    clips: Sequence[Path],
-    columns: str | None,
-) -> OdeModel:
-    """The model of an equation in text, in the units of the first table.
-
-    Parameters
-    ----------
-    other, equation, bound, known, columns
-        As typed; ``other`` is a model named beside it, which is refused.
-    clips
-        Tables and folders.
-    """
-    from iris_sysid.benchmark.clip_folders import tables_in
-
-    _own_equation.check_one(other, equation, bound or [])
-    return _own_equation.model_of(equation, bound or [], known or [], tables_in(clips[0])[0], columns)
 
 
 def model_of_runs(clips: Sequence[Path]) -> str:
@@ -82,12 +59,7 @@ def model_of_runs(clips: Sequence[Path]) -> str:
 def model_of_fit(document: FitDocument, clip: Trajectory) -> OdeModel:
     """The model of a fit on disk, without effects: registered, of a FILE.py, or of an equation, as it was typed then.
 
-    Parameters
-    ----------
-    document
-        The fit; its origin records the options.
-    clip
-        Gives an equation its units.
+    The clip gives an equation its units.
     """
     from iris_sysid.registry import MODELS, PHENOMENA
 

@@ -13,31 +13,30 @@ from iris_sysid.errors import DataError
 from iris_sysid.units import NUMBER
 
 if TYPE_CHECKING:
+    from iris_sysid.cli.arguments import EquationArguments
     from iris_sysid.types import OdeModel, Trajectory
 
 BOUND = re.compile(rf"\s*+(\w++)\s*+=\s*+({NUMBER})?+\s*+:\s*+({NUMBER})?+\s*+")
 ONE_OF = "Missing option '--model', or --equation \"theta'' = -g/L*sin(theta)\""
 
 
-def check_one(model: str | None, equation: str | None, bounds: Sequence[str]) -> None:
+def check_one(stated: EquationArguments, other: str | None = None) -> None:
     """Refuse all but either a model or an equation that can be read, and bounds only with the latter.
 
-    Parameters
-    ----------
-    model, equation, bounds
-        As typed.
+    ``other`` names a model in another way.
     """
-    if model is None and equation is None:
+    model = stated.model or other
+    if model is None and stated.equation is None:
         raise typer.BadParameter(ONE_OF)
-    if model is not None and equation is not None:
+    if model is not None and stated.equation is not None:
         raise DataError("give --model or --equation, not both")
-    if bounds and equation is None:
+    if stated.bound and stated.equation is None:
         raise DataError("--bound is about the parameters of --equation; a registered model has bounds of its own")
-    parsed_bounds(bounds)
-    if equation is not None:
+    parsed_bounds(stated.bound)
+    if stated.equation is not None:
         from fitters.own_model.equation import quantities_of_equation
 
-        quantities_of_equation(equation)
+        quantities_of_equation(stated.equation)
 
 
 def parsed_bounds(texts: Sequence[str]) -> dict[str, tuple[float, float]]:
@@ -52,20 +51,17 @@ def parsed_bounds(texts: Sequence[str]) -> dict[str, tuple[float, float]]:
     return bounds
 
 
-def model_of(text: str, bounds: Sequence[str], known: Sequence[str], table: Path, columns: str | None) -> OdeModel:
+def model_of(stated: EquationArguments, table: Path, columns: str | None) -> OdeModel:
     """The model of an equation for a table, which gives the units of what it holds.
 
-    Parameters
-    ----------
-    text, bounds, known, columns
-        As typed; a unit in ``--set g=9.81m/s^2`` is that of the parameter.
-    table
-        The first table that will be fitted.
+    A unit in ``--set g=9.81m/s^2`` is that of the parameter.
     """
     from iris_sysid.io.csv_read import read_trajectory
     from iris_sysid.io.table_headers import parse_columns
 
-    return model_for(text, bounds, known, read_trajectory(table, None if columns is None else parse_columns(columns)))
+    assert stated.equation is not None
+    clip = read_trajectory(table, None if columns is None else parse_columns(columns))
+    return model_for(stated.equation, stated.bound, stated.known, clip)
 
 
 def model_for(text: str, bounds: Sequence[str], known: Sequence[str], clip: Trajectory) -> OdeModel:

@@ -288,12 +288,7 @@ def calibration_of(
 def metres_of(scale: str | None, scale_bar: str | None, file: Path | None, *, needed: bool) -> Calibration | None:
     """The calibration for positions in m that are not fitted; CalibrationError when one is ``needed`` and none given.
 
-    Parameters
-    ----------
-    scale, scale_bar, file
-        As for :func:`calibration_of`; gravity gives no scale here.
-    needed
-        Whether positions in m are requested.
+    Gravity gives no scale here.
     """
     from_gravity, calibration = calibration_of(scale, scale_bar, file)
     if from_gravity is not None:
@@ -311,21 +306,7 @@ def track_options(
     *,
     curve: str | None = None,
 ) -> TrackOptions:
-    """The options of any tracker.
-
-    Parameters
-    ----------
-    bodies
-        Number of bodies to track.
-    roi
-        ``x,y,width,height`` in px.
-    colour
-        A name or ``#rrggbb``.
-    progress
-        Called with (frames done, frames expected).
-    curve
-        The camera's transfer function, as :func:`transfer` reads it.
-    """
+    """The options of any tracker; ``curve`` is the camera's transfer function."""
     return TrackOptions(bodies=bodies, roi=region(roi), colour=colour, progress=progress, transfer=transfer(curve))
 
 
@@ -334,16 +315,7 @@ def with_clip_settings(
 ) -> list[Trajectory]:
     """The clips with what is known of single ones: ``heavy.csv:mass=0.2``, or ``2:mass=0.2`` for the second.
 
-    Parameters
-    ----------
-    clips
-        In the order in which they are diagnosed.
-    paths
-        As typed; a clip is called by its path where each path is one clip.
-    texts
-        As typed.
-    units
-        Of the model's parameters by name.
+    A clip is called by its path where each path is one clip. ``units`` are those of the model's parameters by name.
     """
     numbers = {str(k): k for k in range(1, len(clips) + 1)}
     if len(paths) == len(clips):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,6 +15,7 @@ from iris_sysid.errors import DataError
 from iris_sysid.units import UNSIGNED
 
 if TYPE_CHECKING:
+    from iris_sysid.cli.arguments import RecordArguments
     from iris_sysid.types import Estimate, Hold, OdeModel, Trajectory, Validation
 
 HOLDS: dict[str, Hold | None] = {"zero": "zero-order", "linear": "linear", "auto": None}
@@ -22,20 +24,18 @@ SHARE = re.compile(rf"(?P<number>{UNSIGNED})\s*+(?P<percent>%)?+")
 SAMPLE_TIME = re.compile(rf"(?P<number>{UNSIGNED})\s*+(?P<unit>s|ms)?+")
 
 
-def checked_hold(hold: str) -> None:
-    """DataError where the option ``--hold`` is none of the words that it may be."""
-    if hold not in HOLDS:
-        raise DataError(f"inputs between samples are held: {', '.join(HOLDS)}, not {hold!r:.40}")
+def checked(record: RecordArguments) -> RecordArguments:
+    """The options with the sample time among the columns: the time from the number of the row.
+
+    Raises a DataError where the hold is none of the words that it may be, or the sample time cannot be read.
+    """
+    if record.hold not in HOLDS:
+        raise DataError(f"inputs between samples are held: {', '.join(HOLDS)}, not {record.hold!r:.40}")
+    return replace(record, columns=with_sample_time(record.columns, record.sample_time), sample_time=None)
 
 
 def with_sample_time(columns: str | None, sample_time: str | None) -> str | None:
-    """The option ``--columns`` with the time from the number of the row, where a sample time is stated.
-
-    Parameters
-    ----------
-    columns, sample_time
-        As typed.
-    """
+    """The option ``--columns`` with the time from the number of the row, where a sample time is stated."""
     if sample_time is None:
         return columns
     match = SAMPLE_TIME.fullmatch(sample_time.strip())
@@ -56,17 +56,7 @@ def held(
     free: Sequence[str],
     start: Mapping[str, float] | None = None,
 ) -> list[Trajectory]:
-    """The records with the hold of their inputs, which ``auto`` takes from the data and says on stderr.
-
-    Parameters
-    ----------
-    clips, model
-        The records, and what will be fitted to them.
-    hold
-        As typed.
-    fixed, free, start
-        As for :func:`fitters.ode.fit`.
-    """
+    """The records with the hold of their inputs, which ``auto`` takes from the data and says on stderr."""
     stated = HOLDS[hold]
     if stated is not None:
         return [clip.with_(hold=stated) for clip in clips]
@@ -80,15 +70,7 @@ def held(
 
 
 def each_hold(clips: Sequence[Trajectory], hold: str) -> dict[Hold, list[Trajectory]]:
-    """The records with each hold of their inputs to try: the stated one, or both where there are inputs.
-
-    Parameters
-    ----------
-    clips
-        As read.
-    hold
-        As typed.
-    """
+    """The records with each hold of their inputs to try: the stated one, or both where there are inputs."""
     stated = HOLDS[hold]
     driven = any(clip.input_quantities for clip in clips)
     tried: Sequence[Hold] = [stated] if stated is not None else [*IN_WORDS] if driven else [clips[0].hold]
@@ -111,17 +93,7 @@ def tell_hold(compared: Mapping[Hold, float]) -> Hold:
 def split(
     clips: Sequence[Trajectory], validate: str | None, columns: str | None, model: OdeModel
 ) -> tuple[list[Trajectory], Trajectory | None]:
-    """The records to fit, and the one to validate with: another table, or the last share of the only record.
-
-    Parameters
-    ----------
-    clips
-        As read.
-    validate, columns
-        As typed.
-    model
-        What will be fitted.
-    """
+    """The records to fit, and the one to validate with: another table, or the last share of the only record."""
     if validate is None:
         return list(clips), None
     if len(clips) > 1:
@@ -138,15 +110,7 @@ def split(
 
 
 def kept(text: str, record: Trajectory) -> int:
-    """Number of valid samples in the last part of a record, from ``20%`` or ``100``.
-
-    Parameters
-    ----------
-    text
-        As typed.
-    record
-        Its valid samples are counted.
-    """
+    """Number of valid samples in the last part of a record, from ``20%`` or ``100``."""
     match = SHARE.fullmatch(text.strip())
     if match is None:
         raise DataError(f"cannot read --keep {text!r:.40}: give a share, 20%, or a number of samples, 100")
@@ -172,14 +136,7 @@ def draw(validation: Validation, picture: Path | None, force: bool) -> None:
 def tell(validation: Validation, json: bool, what: str = "validation") -> None:
     """Say what a validation found: the simulation error, the linear model, and the correlations outside their bands.
 
-    Parameters
-    ----------
-    validation
-        What was found.
-    json
-        The result itself goes to stdout: this then goes to stderr.
-    what
-        Begins the line.
+    To stderr with ``json``: the result itself goes to stdout. ``what`` begins the line.
     """
     linear = validation.linear
     for k, (quantity, rms, share) in enumerate(

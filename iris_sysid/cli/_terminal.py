@@ -19,6 +19,7 @@ import typer
 from iris_sysid.errors import DataError, FitError, IrisError, OutputError
 
 if TYPE_CHECKING:
+    from iris_sysid.cli.arguments import WorkArguments
     from iris_sysid.types import FitResult, OdeModel, Track, Trajectory, Verdict
 
 NOT_GOOD = 3  # exit status with --strict
@@ -42,16 +43,7 @@ def check_dataset(folder: Path) -> None:
 def check_outputs(source: Path, paths: Sequence[Path | None], *, overwrite: bool) -> None:
     """Raise OutputError before any work when a result could not be written, or would replace its own source.
 
-    A picture among the pictures that it is made from would be read as one of them next time.
-
-    Parameters
-    ----------
-    source
-        The file or folder that the command reads.
-    paths
-        The files that it will write; None is ignored.
-    overwrite
-        Whether existing files other than the source may be replaced.
+    A picture among the pictures that it is made from would be read as one of them next time. None is ignored.
     """
     from iris_sysid.io.files import check_writable
 
@@ -129,17 +121,12 @@ def refuse(options: Mapping[str, object], reason: str) -> None:
             raise DataError(f"{name} {reason}")
 
 
-def workers_of(workers: int | None, scheduler: str | None) -> int | str:
-    """The processes that do the work: their number here, or a scheduler, whose workers are counted on stderr.
-
-    Parameters
-    ----------
-    workers, scheduler
-        As typed; one process without either.
-    """
+def workers_of(work: WorkArguments) -> int | str:
+    """The processes that do the work: their number here, or a scheduler, whose workers are counted on stderr."""
+    scheduler = work.scheduler
     if scheduler is None:
-        return 1 if workers is None else workers
-    if workers is not None:
+        return work.workers or 1
+    if work.workers is not None:
         raise DataError("give --workers or --scheduler, not both: the workers of a scheduler are started apart")
     from iris_sysid.benchmark.cluster import connected
 
@@ -158,17 +145,7 @@ def quality_word(track: Track) -> str:
 
 
 def show_fit(fit: FitResult, trajectory: Trajectory, json: bool) -> None:
-    """Print a fit to stdout: as fit.json, or as a small table.
-
-    Parameters
-    ----------
-    fit
-        The result.
-    trajectory
-        The fitted trajectory.
-    json
-        Print the content of fit.json.
-    """
+    """Print a fit to stdout: as fit.json, or as a small table."""
     from iris_sysid.io import json_documents
     from iris_sysid.report.text import fit_table
 
@@ -268,12 +245,7 @@ def print_rows(rows: list[dict[str, Any]], json: bool, *, header: bool = False) 
 def progress(what: str, then: str = "") -> Iterator[Callable[[int, int], None]]:
     """Show a progress bar on stderr while the block runs, when stderr is a terminal; it always moves.
 
-    Parameters
-    ----------
-    what
-        What is counted.
-    then
-        What follows in the same block when all is counted.
+    ``then`` says what follows in the same block when all is counted.
     """
     with _moving(what) as show:
         yield lambda done, expected: show(then, 0, 0) if then and 0 < expected <= done else show(what, done, expected)
@@ -283,12 +255,7 @@ def progress(what: str, then: str = "") -> Iterator[Callable[[int, int], None]]:
 def phases(first: str, beside: str = "") -> Iterator[Callable[[str], None]]:
     """Show on stderr what is being done while the block runs, when stderr is a terminal; call it with each next step.
 
-    Parameters
-    ----------
-    first
-        The first step.
-    beside
-        What to show after each step, e.g. how to end the block.
+    ``beside`` is shown after each step, e.g. how to end the block.
     """
     after = f" ({beside})" if beside else ""
     with _moving(f"{first}{after}") as show:

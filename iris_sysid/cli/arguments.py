@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
 from iris_sysid.cli import _completion
 
 if TYPE_CHECKING:
-    from iris_sysid.types import ClipOptions
+    from collections.abc import Mapping
+
+    from iris_sysid.types import Calibration, ClipOptions, Estimate, GeometryOptions, Phenomenon, Progress, TrackOptions
 
 Video = Annotated[Path, typer.Argument(help="Video, folder of images, GIF, or .zip/.trz that holds one.")]
 TABLE = "Table with t_s and <quantity>_<unit> columns, or of another program (CSV, text, Excel, .mat, .npy)"
@@ -22,15 +24,6 @@ Columns = Annotated[
 SampleTime = Annotated[
     str | None, typer.Option("--sample-time", help="Sample time of a table without a column of times: 4s, 20ms.")
 ]
-
-
-def hold_option(auto: str) -> Any:
-    """The option ``--hold``; ``auto`` says what that choice takes."""
-    help_text = f"Inputs between samples: zero (held), linear, or auto ({auto})."
-    return typer.Option("--hold", help=help_text, autocompletion=_completion.values("auto", "zero", "linear"))
-
-
-InputHold = Annotated[str, hold_option("what fits better")]
 Validate = Annotated[
     str | None,
     typer.Option(help="Simulate this with the fitted model, not fit it: a table, or the last share of this one, 30%."),
@@ -71,46 +64,76 @@ PHENOMENON = typer.Option(
 PhenomenonName = Annotated[str, PHENOMENON]
 PhenomenonAsked = Annotated[str | None, PHENOMENON]
 KeepPartial = Annotated[bool, typer.Option("--keep-partial", help="Use the readable part of a damaged file.")]
-Settings = Annotated[list[str] | None, typer.Option("--set", help="A known value: gravity=9.79+-0.01, length=50cm.")]
-Free = Annotated[list[str] | None, typer.Option("--free", help="Estimate this constant too, e.g. gravity.")]
+SET = typer.Option("--set", help="A known value: gravity=9.79+-0.01, length=50cm.")
+Settings = Annotated[list[str] | None, SET]
+FREE = typer.Option("--free", help="Estimate this constant too, e.g. gravity.")
 Scale = Annotated[str | None, typer.Option(help="Scale: 640px=1m; or gravity=9.79, which computes it from the fall.")]
 ScaleBar = Annotated[str | None, typer.Option(help="Two points at a known distance: x1,y1,x2,y2=0.84m.")]
 CalibrationFile = Annotated[Path | None, typer.Option("--calibration", help="calibration.json, or a .trk/.trz file.")]
-Marks = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--mark",
-        help="Mark in px: a point, pivot=437,42, launch=5,103; a line, plumb=x1,y1,x2,y2; a body, 1=120,88@frame.",
-    ),
-]
 BodyMarks = Annotated[
     list[str] | None, typer.Option("--mark", help="A body is at x, y px in a frame: 1=120,88@35. Repeat it.")
 ]
-Vertical = Annotated[
-    str,
-    typer.Option(
-        help="Direction of gravity: assumed, or motion (estimated from the flight).",
-        autocompletion=_completion.values("assumed", "motion"),
-    ),
-]
 TimeBase = Annotated[str, typer.Option(help="Standard error of the frame rate: 0.01% or 50ppm.")]
-Starts = Annotated[list[str] | None, typer.Option("--start-at", help="A starting value, e.g. length=0.5.")]
 
-WorkerCount = Annotated[
-    int | None, typer.Option("--workers", help="Number of parallel processes; default 1.", min=1, max=256)
-]
-Scheduler = Annotated[
-    str | None,
-    typer.Option("--scheduler", help="Work on the workers of dask instead: tcp://HOST:8786, or its FILE.json."),
-]
 
-Equation = Annotated[
-    str | None,
-    typer.Option("--equation", help="Equation of motion of your own: \"theta'' = -g/L*sin(theta) - c*theta'\"."),
-]
-Bounds = Annotated[
-    list[str] | None, typer.Option("--bound", help="Bounds of a parameter of --equation: L=0.1:10, or L=0: .")
-]
+@dataclass(frozen=True)
+class WorkArguments:
+    """The processes that do the work."""
+
+    workers: Annotated[
+        int | None, typer.Option("--workers", help="Number of parallel processes; default 1.", min=1, max=256)
+    ] = None
+    scheduler: Annotated[
+        str | None,
+        typer.Option("--scheduler", help="Work on the workers of dask instead: tcp://HOST:8786, or its FILE.json."),
+    ] = None
+
+
+@dataclass(frozen=True)
+class RecordArguments:
+    """The columns and times of a table, and its inputs between the samples."""
+
+    columns: Columns = None
+    sample_time: SampleTime = None
+    hold: Annotated[
+        str,
+        typer.Option(
+            "--hold",
+            help="Inputs between samples: zero (held), linear, or auto (what fits better; of plan: as diagnosed).",
+            autocompletion=_completion.values("auto", "zero", "linear"),
+        ),
+    ] = "auto"
+
+
+@dataclass(frozen=True)
+class ModelArguments:
+    """Known values of the model, and additional estimated constants."""
+
+    known: Annotated[list[str], SET] = field(default_factory=list)
+    free: Annotated[list[str], FREE] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class EquationArguments:
+    """The governing equation, with its known values."""
+
+    model: Annotated[
+        str | None,
+        typer.Option(
+            "--model",
+            help="Governing equation; see iris-sysid list. Or auto, or FILE.py:NAME.",
+            autocompletion=_completion.models,
+        ),
+    ] = None
+    equation: Annotated[
+        str | None,
+        typer.Option("--equation", help="Equation of motion of your own: \"theta'' = -g/L*sin(theta) - c*theta'\"."),
+    ] = None
+    bound: Annotated[
+        list[str], typer.Option("--bound", help="Bounds of a parameter of --equation: L=0.1:10, or L=0: .")
+    ] = field(default_factory=list)
+    known: Annotated[list[str], SET] = field(default_factory=list)
+    free: Annotated[list[str], FREE] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -149,17 +172,63 @@ class TrackerArguments:
 
 
 @dataclass(frozen=True)
-class SceneArguments:
-    """Known properties of the scene and the clock."""
+class FilmArguments(ModelArguments, TrackerArguments, ClipArguments, ScaleArguments):
+    """How a clip is measured and fitted: its scale, its part, the tracker, the scene, the values of the model."""
 
-    mark: Marks = None
-    vertical: Vertical = "assumed"
+    mark: Annotated[
+        list[str],
+        typer.Option(
+            "--mark",
+            help="Mark in px: a point, pivot=437,42, launch=5,103; a line, plumb=x1,y1,x2,y2; a body, 1=120,88@frame.",
+        ),
+    ] = field(default_factory=list)
+    vertical: Annotated[
+        str,
+        typer.Option(
+            help="Direction of gravity: assumed, or motion (estimated from the flight).",
+            autocompletion=_completion.values("assumed", "motion"),
+        ),
+    ] = "assumed"
     time_base: TimeBase = "0%"
 
+    def request(
+        self, phenomenon: Phenomenon | None, bodies: int | None = None, progress: Progress | None = None
+    ) -> FilmRequest:
+        """Read the options; ``phenomenon`` is None where it is still to be chosen."""
+        from iris_sysid.cli import _parsing
+        from iris_sysid.pipeline import accepted_settings
+        from iris_sysid.registry import TRACKERS
+        from iris_sysid.types import GeometryOptions
 
-@dataclass(frozen=True)
-class ModelArguments:
-    """Known values of the model, and additional estimated constants."""
+        if phenomenon is not None and self.tracker is not None:
+            TRACKERS.named(self.tracker)  # refuses an unknown name before the clip is opened
+            phenomenon = replace(phenomenon, tracker=self.tracker)
+        gravity, calibration = _parsing.calibration_of(self.scale, self.scale_bar, self.calibration)
+        count = bodies or (1 if phenomenon is None else phenomenon.bodies)
+        tracking = _parsing.track_options(count, self.roi, self.colour, progress, curve=self.transfer)
+        return FilmRequest(
+            phenomenon=phenomenon,
+            calibration=calibration,
+            settings=_parsing.settings(self.known, {} if phenomenon is None else accepted_settings(phenomenon)),
+            free=tuple(self.free),
+            tracking=replace(tracking, marks=_parsing.body_marks(self.mark)),
+            clip=self.options(_parsing.fraction(self.time_base)),
+            geometry=GeometryOptions(
+                marks_px=_parsing.marks(self.mark),
+                plumb_px=_parsing.plumb_line(self.mark),
+                vertical=_parsing.vertical(self.vertical),
+                scale_from_gravity=gravity,
+            ),
+        )
 
-    known: Settings = None
-    free: Free = None
+
+class FilmRequest(NamedTuple):
+    """The options of a clip as the library takes them."""
+
+    phenomenon: Phenomenon | None
+    calibration: Calibration | None
+    settings: Mapping[str, Estimate]
+    free: tuple[str, ...]
+    tracking: TrackOptions
+    clip: ClipOptions
+    geometry: GeometryOptions

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from iris_sysid.cli import _terminal
-from iris_sysid.cli.arguments import Force, Fps, Output, Scheduler, TransferCurve, WorkerCount
+from iris_sysid.cli._groups import with_groups
+from iris_sysid.cli.arguments import Force, Fps, Output, TransferCurve, WorkArguments
 from iris_sysid.errors import DataError
 
 if TYPE_CHECKING:
@@ -35,8 +36,10 @@ Seed = Annotated[int, typer.Option(help="Seed of the added noise and the dropped
 NO_STUDY = "none"
 
 
+@with_groups
 def benchmark(
     output: Output,
+    processes: WorkArguments,
     dataset: Dataset = None,
     latent: Latent = None,
     predictions: Predictions = None,
@@ -51,8 +54,6 @@ def benchmark(
     reference: Reference = None,
     fps: Fps = None,
     transfer: TransferCurve = None,
-    workers: WorkerCount = None,
-    scheduler: Scheduler = None,
     seed: Seed = 0,
     force: Force = False,
 ) -> None:
@@ -83,7 +84,7 @@ def benchmark(
         studies=tuple(choice for choice in study if choice != NO_STUDY) if study else ALL_STUDIES,
         studied=studied,
         robustness=robustness,
-        workers=_terminal.workers_of(workers, scheduler),
+        workers=_terminal.workers_of(processes),
         seed=seed,
     )
     measurements = _rows_of(dataset, work or output / "work", plan) if dataset else None

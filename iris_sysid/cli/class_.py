@@ -10,20 +10,7 @@ import typer
 
 from iris_sysid.cli import _terminal
 from iris_sysid.cli._groups import with_groups
-from iris_sysid.cli.arguments import (
-    ClipArguments,
-    Columns,
-    Force,
-    Json,
-    ModelArguments,
-    Output,
-    PhenomenonName,
-    ScaleArguments,
-    SceneArguments,
-    Scheduler,
-    TrackerArguments,
-    WorkerCount,
-)
+from iris_sysid.cli.arguments import Columns, FilmArguments, Force, Json, Output, PhenomenonName, WorkArguments
 
 if TYPE_CHECKING:
     from iris_sysid.classroom.groups import Source
@@ -39,11 +26,8 @@ def class_(
     ],
     phenomenon: PhenomenonName,
     output: Output,
-    scale: ScaleArguments,
-    clip: ClipArguments,
-    tracking: TrackerArguments,
-    scene: SceneArguments,
-    model: ModelArguments,
+    film: FilmArguments,
+    work: WorkArguments,
     value: Annotated[str | None, typer.Option(help="The value to compare, e.g. length; default: the first.")] = None,
     expected: Annotated[
         list[str] | None, typer.Option("--known", help="What the class should find: length=0.5+-0.001.")
@@ -51,8 +35,6 @@ def class_(
     teacher: Annotated[str | None, typer.Option(help="The teacher's own group, or a file: it is in no mean.")] = None,
     group_column: Annotated[str | None, typer.Option(help="Column of a table that names the groups.")] = None,
     columns: Columns = None,
-    workers: WorkerCount = None,
-    scheduler: Scheduler = None,
     serve: Annotated[
         bool, typer.Option("--serve", help="Then open the page in the browser, each clip with its review.")
     ] = False,
@@ -83,13 +65,13 @@ def class_(
         check_writable(output / name, overwrite=force or (output / "groups").is_dir())
     described = PHENOMENA.named(phenomenon)
     references = _class_request.references(described, expected or (), value)
-    options = _class_request.ClassOptions(described, scale, clip, tracking, scene, model, columns)
+    options = _class_request.ClassOptions(described, film, columns)
     groups, own = _class_request.groups_of(folder, options, group_column, teacher)
     with _terminal.progress("measuring groups") as report_progress:
         documents, now = measure_groups(
             [*groups, *([own] if own else [])],
             output,
-            workers=_terminal.workers_of(workers, scheduler),
+            workers=_terminal.workers_of(work),
             progress=report_progress,
             tell=lambda text: typer.echo(_terminal.one_line(text), err=True),
         )

@@ -36,19 +36,7 @@ def demo(output: Output = Path("demo-output"), force: Force = False) -> None:
 def run_demo(folder: Path, *, overwrite: bool = False, progress: Callable[[int, int], None] | None = None) -> str:
     """Render a clip with a hidden effect, fit the textbook equation, diagnose it, compare both fits with the truth.
 
-    Parameters
-    ----------
-    folder
-        Gets the clip, ``report/`` of the fit and ``diagnosis/`` of its residual.
-    overwrite
-        Replace an earlier demo.
-    progress
-        Called with (frames rendered, total number of frames).
-
-    Returns
-    -------
-    str
-        Estimates beside the truth, without and with the effect, and the paths of the pages.
+    Returns the estimates beside the truth, without and with the effect, and the paths of the pages.
     """
     from iris_sysid.diagnosis.diagnose import diagnose
     from iris_sysid.pipeline import check_folder, run, save
@@ -96,30 +84,7 @@ def render_demo(
     progress: Callable[[int, int], None] | None = None,
     overwrite: bool = False,
 ) -> tuple[Path, Truth]:
-    """Render a pendulum released at 60 degrees, with a quadratic drag that its equation lacks.
-
-    Parameters
-    ----------
-    folder
-        Folder of ``pendulum.mp4`` and its truth; created when missing.
-    size
-        Width and height, px.
-    seconds
-        Length of the clip, at 60 frames per second.
-    seed
-        Random seed; the same seed gives the same bytes.
-    progress
-        Called with (frames rendered, total number of frames).
-    overwrite
-        Replace an earlier clip.
-
-    Returns
-    -------
-    clip : Path
-        The clip.
-    truth : Truth
-        The true values of the clip.
-    """
+    """Render a pendulum released at 60 degrees, with a quadratic drag that its equation lacks: clip and truth."""
     from iris_sysid.synthetic import render_clip
 
     clip = folder / CLIP
@@ -139,20 +104,10 @@ def render_demo(
 
 
 def compare(truth: Truth, fit: FitResult) -> pd.DataFrame:
-    """Compare the estimates of a fit with the truth.
+    """The fitted parameters whose truth is known, indexed by ``parameter``.
 
-    Parameters
-    ----------
-    truth
-        Of the clip.
-    fit
-        Of the clip's trajectory, with or without effects.
-
-    Returns
-    -------
-    DataFrame
-        One row per fitted parameter whose truth is known, indexed by ``parameter``: ``estimate``, ``stderr``,
-        ``truth``, ``unit``, and ``off``, the difference in standard errors (NaN where there is none).
+    Columns: ``estimate``, ``stderr``, ``truth``, ``unit``, and ``off``, the difference in standard errors (NaN where
+    there is none).
     """
     import pandas as pd
 

@@ -1,27 +1,24 @@
 """The command ``iris-sysid diagnose``."""
 
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from iris_sysid.cli import _completion, _terminal
+from iris_sysid.cli import _terminal
+from iris_sysid.cli._each import SearchArguments
+from iris_sysid.cli._groups import typed, with_groups
 from iris_sysid.cli.arguments import (
     TABLE,
-    Bounds,
-    Columns,
-    Equation,
+    EquationArguments,
     Force,
-    Free,
-    InputHold,
     Json,
     Output,
-    SampleTime,
-    Scheduler,
-    Settings,
+    RecordArguments,
     Strict,
     Validate,
-    WorkerCount,
+    WorkArguments,
 )
 
 if TYPE_CHECKING:
@@ -30,78 +27,33 @@ if TYPE_CHECKING:
     from iris_sysid.report.validation_figure import ValidatedDiagnosis
     from iris_sysid.types import Diagnosis, OdeModel, Trajectory
 
-Clips = Annotated[
-    list[Path],
-    typer.Argument(help=f"{TABLE}; folders of them, of run, or a data set."),
-]
-Model = Annotated[
-    str | None,
-    typer.Option(
-        "--model",
-        help="Governing equation; see list. Or auto, or FILE.py:NAME. Default: that of run.",
-        autocompletion=_completion.models,
-    ),
-]
-Effects = Annotated[list[str] | None, typer.Option("--effect", help="Try an effect of your own as well: FILE.py:NAME.")]
-Phenomenon = Annotated[
-    str | None,
-    typer.Option(
-        "--phenomenon",
-        help="What is filmed, for its model; see list. Or FILE.py:NAME.",
-        autocompletion=_completion.phenomena,
-    ),
-]
-Sensor = Annotated[
-    str | None,
-    typer.Option(
-        help="What measured: camera, encoder, gauge or unknown; only a camera has its effects.",
-        autocompletion=_completion.values("camera", "encoder", "gauge", "unknown"),
-    ),
-]
 
-ClipSettings = Annotated[
-    list[str] | None,
-    typer.Option("--clip-set", help="What is known of one clip: heavy.csv:mass=0.2, or 2:mass=0.2; radius, length."),
-]
-Each = Annotated[bool, typer.Option("--each", help="Diagnose every clip by itself, with a summary of all.")]
-Seconds = Annotated[
-    float | None, typer.Option(help="Time for the search, in s: the best answer by then, with a note.", min=1.0)
-]
-KeepComponent = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--keep-component",
-        help="Keep this part of the residual as an effect of its own, e.g. zero-wander: the error after is with it.",
-    ),
-]
-Holdout = Annotated[float, typer.Option(help="Fraction of each clip held out for validation.", min=0.0, max=0.9)]
+@dataclass(frozen=True)
+class JointArguments:
+    """What is known of the clips of a joint diagnosis."""
+
+    clip_set: Annotated[
+        list[str],
+        typer.Option(
+            "--clip-set", help="What is known of one clip: heavy.csv:mass=0.2, or 2:mass=0.2; radius, length."
+        ),
+    ] = field(default_factory=list)
+    validate: Validate = None
+    trials: Annotated[int | None, typer.Option(help="Number of clips of each setting of a data set.")] = None
+    board: Annotated[str | None, typer.Option(help="Inner corners of a data set's checkerboards: 9x6.")] = None
+    square: Annotated[str | None, typer.Option(help="Side of their squares: 25mm or 25.0+-0.1mm.")] = None
 
 
+@with_groups
 def diagnose(
-    clips: Clips,
+    clips: Annotated[list[Path], typer.Argument(help=f"{TABLE}; folders of them, of run, or a data set.")],
     output: Output,
-    model: Model = None,
-    phenomenon: Phenomenon = None,
-    equation: Equation = None,
-    bound: Bounds = None,
-    effect: Effects = None,
-    columns: Columns = None,
-    known: Settings = None,
-    clip_set: ClipSettings = None,
-    free: Free = None,
-    sensor: Sensor = None,
-    holdout: Holdout = 0.3,
-    sample_time: SampleTime = None,
-    hold: InputHold = "auto",
-    validate: Validate = None,
-    seconds: Seconds = None,
-    keep_component: KeepComponent = None,
-    trials: Annotated[int | None, typer.Option(help="Number of clips of each setting of a data set.")] = None,
-    board: Annotated[str | None, typer.Option(help="Inner corners of a data set's checkerboards: 9x6.")] = None,
-    square: Annotated[str | None, typer.Option(help="Side of their squares: 25mm or 25.0+-0.1mm.")] = None,
-    each: Each = False,
-    workers: WorkerCount = None,
-    scheduler: Scheduler = None,
+    stated: EquationArguments,
+    record: RecordArguments,
+    search: SearchArguments,
+    joint: JointArguments,
+    work: WorkArguments,
+    each: Annotated[bool, typer.Option("--each", help="Diagnose every clip by itself, with a summary of all.")] = False,
     force: Force = False,
     json: Json = False,
     strict: Strict = False,
@@ -122,84 +74,53 @@ def diagnose(
     from iris_sysid.registry import EFFECTS, MODELS
     from iris_sysid.report.diagnosis_files import check_folder
 
-    _records.checked_hold(hold)
-    columns = _records.with_sample_time(columns, sample_time)
+    record = _records.checked(record)
     if each:
-        joint = {
-            "--validate": validate,
-            "--clip-set": clip_set,
-            "--trials": trials,
-            "--board": board,
-            "--square": square,
-        }
-        _terminal.refuse(joint, "belongs to a joint diagnosis, not to --each; leave it out")
-        lists = (bound or (), effect or (), columns, known or (), free or ())
-        kept = _parsing.components(keep_component or ())
-        request = _each.EachRequest(model, phenomenon, equation, *lists, sensor, holdout, seconds, kept, hold=hold)
-        processes = _terminal.workers_of(workers, scheduler)
+        of_joint = {f"--{name.replace('_', '-')}": value for name, value in vars(joint).items()}
+        _terminal.refuse(of_joint, "belongs to a joint diagnosis, not to --each; leave it out")
+        request, processes = _each.EachRequest(stated, record, search), _terminal.workers_of(work)
         if not _each.diagnose_clips(clips, output, request, processes, force=force, json=json) and strict:
             raise typer.Exit(_terminal.NOT_GOOD)
         return
-    if (workers or scheduler) and not any(map(is_dataset, clips)):
-        parallel = {"--workers": workers, "--scheduler": scheduler}
+    if not any(map(is_dataset, clips)):
+        parallel = {"--workers": work.workers, "--scheduler": work.scheduler}
         _terminal.refuse(parallel, "belongs to --each and to data sets; several tables at once are one fit")
-    processes = _terminal.workers_of(workers, scheduler)
+    processes = _terminal.workers_of(work)
     check_folder(output, overwrite=force)
-    if equation is None:
-        described, free_by_default = _model_choice.stated_model(model, phenomenon, clips, columns)
-    else:
-        described, free_by_default = (
-            _model_choice.written_model(model or phenomenon, equation, bound, known, clips, columns),
-            (),
-        )
-    fixed = _parsing.settings(known or (), described.units())
-    kept = _parsing.components(keep_component or ())
-    options = {
-        "model": described.name if model is None else model,
-        "phenomenon": phenomenon,
-        "equation": equation,
-        "bound": bound,
-        "columns": columns,
-        "set": known,
-        "clip_set": clip_set,
-        "free": free,
-        "sensor": sensor,
-        "holdout": holdout,
-        "hold": hold,
-        "validate": validate,
-        "seconds": seconds,
-        "keep_component": keep_component,
-    }
-    stated = _parsing.sensor(sensor)
-    measured = _measured(clips, described, columns, phenomenon, output, trials, board, square, processes)
+    described, free_by_default = _model_choice.stated_model(stated, search.phenomenon, clips, record.columns)
+    fixed = _parsing.settings(stated.known, described.units())
+    limits, sensor = search.limits(), _parsing.sensor(search.sensor)
+    options = typed(stated, record, search, clip_set=joint.clip_set, validate=joint.validate)
+    options["model"] = stated.model or described.name
+    measured = _measured(clips, described, record.columns, search.phenomenon, output, joint, processes)
     # imported after the clips are read, so that an unreadable file is reported without delay
     from iris_sysid.diagnosis.diagnose import diagnose as find_missing_effects
     from iris_sysid.report.diagnosis_text import diagnosis_text
 
-    measured = _parsing.with_clip_settings(measured, clips, clip_set or [], described.units())
+    measured = _parsing.with_clip_settings(measured, clips, joint.clip_set, described.units())
     trajectories = [_parsing.with_options(clip, **options) for clip in measured]
-    if stated is not None:
-        trajectories = [clip.with_(sensor=stated) for clip in trajectories]
-    stated_before = {name for clip in measured for name in (*fixed, *clip.known)}
-    named = [*(name for name in free_by_default if name not in stated_before), *(free or ())]
+    if sensor is not None:
+        trajectories = [clip.with_(sensor=sensor) for clip in trajectories]
+    known_before = {name for clip in measured for name in (*fixed, *clip.known)}
+    named = [*(name for name in free_by_default if name not in known_before), *stated.free]
     estimated = list(dict.fromkeys(named))
-    trajectories, record = _records.split(trajectories, validate, columns, described)
-    trajectories = _records.held(trajectories, described, hold, fixed=fixed, free=estimated)
-    with _terminal.phases(f"fitting {described.name}", _how_to_end(seconds)) as say:
+    trajectories, kept = _records.split(trajectories, joint.validate, record.columns, described)
+    trajectories = _records.held(trajectories, described, record.hold, fixed=fixed, free=estimated)
+    with _terminal.phases(f"fitting {described.name}", _how_to_end(search.seconds)) as say:
         diagnosis = find_missing_effects(
             trajectories,
             described,
             fixed=fixed,
             free=estimated,
-            effects=[*EFFECTS.values(), *map(EFFECTS.named, effect or ())],
-            holdout=holdout,
+            effects=[*EFFECTS.values(), *map(EFFECTS.named, search.effect)],
+            holdout=search.holdout,
             progress=say,
-            **_each.limits(seconds, kept),
+            **limits,
         )
     if not json:
         typer.echo(_terminal.lines(diagnosis_text(diagnosis)))
     _terminal.show_verdict(diagnosis.verdict, json)
-    validated = None if record is None else _validated(diagnosis, trajectories[0], record, f"{validate}", json)
+    validated = None if kept is None else _validated(diagnosis, trajectories[0], kept, f"{joint.validate}", json)
     stopped = _stopped(diagnosis, json)
     # drawing the page takes longer than a short search: the answer is there before it
     from iris_sysid.report.diagnosis_page import diagnosis_document, write_diagnosis
@@ -213,12 +134,12 @@ def diagnose(
         typer.echo(document_text(diagnosis_document(diagnosis, trajectories, validated)).rstrip("\n"))
     typer.echo(f"report: {page}", err=True)
     tables = [] if any(map(is_dataset, clips)) else [table for path in clips for table in tables_in(path)]
-    same = [] if columns is None else ["--columns", columns]
+    same = [] if record.columns is None else ["--columns", record.columns]
     if planned is not None and not json:
         _advise(planned, tables, output, same)
     if diagnosis.incomplete and tables and MODELS.get(described.name) is described:
         named, found = ["--residual-of", described.name], output / "discovery.json"
-        given = _terminal.repeated("--set", known)
+        given = _terminal.repeated("--set", stated.known)
         _terminal.suggest("discover", *tables, *named, *same, *given, "-o", found, json=json)
     _terminal.end(diagnosis.verdict, strict)
 
@@ -293,9 +214,7 @@ def _measured(
     columns: str | None,
     phenomenon: str | None,
     output: Path,
-    trials: int | None,
-    board: str | None,
-    square: str | None,
+    joint: JointArguments,
     workers: int | str,
 ) -> "list[Trajectory]":
     """The trajectories of tables and folders; clips of a data set are measured, with results beside the output."""
@@ -305,10 +224,10 @@ def _measured(
     from iris_sysid.io.schemas.groundtruth import MeasuredDocument
 
     direct = MeasuredDocument()
-    if board is not None or square is not None:
+    if joint.board is not None or joint.square is not None:
         from iris_sysid.benchmark.groundtruth.direct import with_board
 
-        direct = with_board(direct, _parsing.board(board, square))
+        direct = with_board(direct, _parsing.board(joint.board, joint.square))
     trajectories: list[Trajectory] = []
     for path in clips:
         if not is_dataset(path):
@@ -322,7 +241,7 @@ def _measured(
                 phenomenon,
                 Path(f"{output}".rstrip("/") + ".work"),
                 board=direct,
-                trials=trials,
+                trials=joint.trials,
                 workers=workers,
                 tell=lambda text: typer.echo(_terminal.one_line(text), err=True),
                 progress=report_progress,

@@ -6,15 +6,17 @@ from typing import Annotated
 import typer
 
 from iris_sysid.cli import _completion, _terminal
-from iris_sysid.cli.arguments import TABLE, Columns, Force, InputHold, Json, Output, SampleTime, Settings, Strict
+from iris_sysid.cli._groups import as_typed, typed, with_groups
+from iris_sysid.cli.arguments import TABLE, Force, Json, Output, RecordArguments, Settings, Strict
 
 Tables = Annotated[list[Path], typer.Argument(help=f"{TABLE}; several clips of one.")]
 
 
+@with_groups
 def discover(
     tables: Tables,
     output: Output,
-    columns: Columns = None,
+    record: RecordArguments,
     quantity: Annotated[list[str] | None, typer.Option(help="Use only this quantity, e.g. theta.")] = None,
     known: Settings = None,
     residual_of: Annotated[
@@ -22,8 +24,6 @@ def discover(
         typer.Option(help="Keep this model's terms; find the missing ones.", autocompletion=_completion.models),
     ] = None,
     plot: Annotated[Path | None, typer.Option(help="Also draw terms and fit to this PNG file.")] = None,
-    sample_time: SampleTime = None,
-    hold: InputHold = "auto",
     seed: Annotated[int, typer.Option(help="Random seed of the resampling.", min=0)] = 0,
     force: Force = False,
     json: Json = False,
@@ -44,22 +44,21 @@ def discover(
     from iris_sysid.registry import MODELS
     from iris_sysid.report.text import discovery_sentence, discovery_text
 
-    _records.checked_hold(hold)
-    columns = _records.with_sample_time(columns, sample_time)
+    record = _records.checked(record)
     for table in tables:
         _terminal.check_outputs(table, [output, plot], overwrite=force)
     _terminal.check_suffix(plot, ".png")
     units = {parameter.name: parameter.unit for model in MODELS.values() for parameter in model.parameters}
     kept = None if residual_of is None else MODELS.named(residual_of)
     constants = _parsing.settings(known or (), units)
-    read = _terminal.read_tables(tables, columns)
+    read = _terminal.read_tables(tables, record.columns)
     read = read if kept is None else [_terminal.from_positions(clip, kept)[0] for clip in read]
-    options = {"columns": columns, "quantity": quantity, "set": known, "residual_of": residual_of, "hold": hold}
-    clips = [_parsing.with_options(clip, **options, seed=seed) for clip in read]
+    options = typed(record, quantity=quantity, set=known, residual_of=residual_of, seed=seed)
+    clips = [_parsing.with_options(clip, **options) for clip in read]
     with _terminal.phases("searching for the equation"):
         found = {
             each: find(held, quantities=quantity or (), known=constants, residual_of=residual_of, seed=seed)
-            for each, held in _records.each_hold(clips, hold).items()
+            for each, held in _records.each_hold(clips, record.hold).items()
         }
     if len(found) > 1:
         _records.tell_hold({each: residual_over_noise(discovery.fits) for each, discovery in found.items()})
@@ -76,8 +75,7 @@ def discover(
     typer.echo(json_documents.document_text(document).rstrip("\n") if json else discovery_text(discovery))
     if discovery.matched is not None:
         model, fitted = discovery.matched.model, output.parent / "fit.json"
-        same = [*_terminal.repeated("--set", _of(model, known)), *([] if columns is None else ["--columns", columns])]
-        same += [] if hold == "auto" else ["--hold", hold]
+        same = [*_terminal.repeated("--set", _of(model, known)), *as_typed(record)]
         _terminal.suggest("fit", *tables, "--model", model, *same, "-o", fitted, json=json)
     _terminal.end(discovery.verdict, strict)
 

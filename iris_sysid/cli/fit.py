@@ -2,65 +2,73 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from iris_sysid.cli import _completion, _terminal
+from iris_sysid.cli import _terminal
+from iris_sysid.cli._groups import as_typed, typed, with_groups
 from iris_sysid.cli.arguments import (
     TABLE,
-    Bounds,
-    Columns,
-    Equation,
+    EquationArguments,
     Force,
-    Free,
-    InputHold,
     Json,
     Output,
-    SampleTime,
-    Settings,
-    Starts,
+    RecordArguments,
     Strict,
     Validate,
 )
 
 if TYPE_CHECKING:
-    from iris_sysid.types import Estimate, FitResult, OdeModel, Trajectory, Validation, Verdict
+    from collections.abc import Mapping
+
+    from iris_sysid.types import FitResult, OdeModel, Trajectory, Validation, Verdict
 
 AUTO = "auto"
 
 
+@dataclass(frozen=True)
+class FitArguments:
+    """What is fitted, from where, and how its errors are found."""
+
+    start: Annotated[list[str], typer.Option("--start-at", help="A starting value, e.g. length=0.5.")] = field(
+        default_factory=list
+    )
+    shared: Annotated[list[str], typer.Option(help="Parameter with one value for all clips.")] = field(
+        default_factory=list
+    )
+    per_clip: Annotated[list[str], typer.Option(help="Parameter fitted per clip; report no mean.")] = field(
+        default_factory=list
+    )
+    uncertainty: Annotated[list[str], typer.Option(help="robust, profile, bootstrap or all.")] = field(
+        default_factory=list
+    )
+    validate: Validate = None
+
+
+@dataclass(frozen=True)
+class FilesArguments:
+    """What is written beside fit.json."""
+
+    plot: Annotated[Path | None, typer.Option(help="Also draw the fit and its residual to this PNG file.")] = None
+    validation_plot: Annotated[
+        Path | None, typer.Option(help="Also draw the validation, with the residual's correlations, to this PNG file.")
+    ] = None
+    posterior: Annotated[
+        Path | None, typer.Option(help="Also sample the posterior by emcee, and write the draws to this CSV file.")
+    ] = None
+
+
+@with_groups
 def fit(
     tables: Annotated[list[Path], typer.Argument(help=f"{TABLE}; several clips.")],
     output: Output,
-    model: Annotated[
-        str | None,
-        typer.Option(
-            "--model",
-            help="Governing equation; see iris-sysid list. Or FILE.py:NAME.",
-            autocompletion=_completion.models,
-        ),
-    ] = None,
-    equation: Equation = None,
-    bound: Bounds = None,
-    columns: Columns = None,
-    known: Settings = None,
-    free: Free = None,
-    start: Starts = None,
-    shared: Annotated[list[str] | None, typer.Option(help="Parameter with one value for all clips.")] = None,
-    per_clip: Annotated[list[str] | None, typer.Option(help="Parameter fitted per clip; report no mean.")] = None,
-    uncertainty: Annotated[list[str] | None, typer.Option(help="robust, profile, bootstrap or all.")] = None,
-    sample_time: SampleTime = None,
-    hold: InputHold = "auto",
-    validate: Validate = None,
-    plot: Annotated[Path | None, typer.Option(help="Also draw the fit and its residual to this PNG file.")] = None,
-    validation_plot: Annotated[
-        Path | None, typer.Option(help="Also draw the validation, with the residual's correlations, to this PNG file.")
-    ] = None,
-    posterior: Annotated[
-        Path | None, typer.Option(help="Also sample the posterior by emcee, and write the draws to this CSV file.")
-    ] = None,
+    stated: EquationArguments,
+    record: RecordArguments,
+    how: FitArguments,
+    files: FilesArguments,
     force: Force = False,
     json: Json = False,
     strict: Strict = False,
@@ -77,73 +85,60 @@ def fit(
     from iris_sysid.cli import _own_equation, _parsing, _records
     from iris_sysid.registry import MODELS
 
-    _own_equation.check_one(model, equation, bound or [])
+    _own_equation.check_one(stated)
     for table in tables:
-        _terminal.check_outputs(table, [output, plot, validation_plot, posterior], overwrite=force)
-    for picture in (plot, validation_plot):
+        _terminal.check_outputs(table, [output, files.plot, files.validation_plot, files.posterior], overwrite=force)
+    for picture in (files.plot, files.validation_plot):
         _terminal.check_suffix(picture, ".png")
-    _terminal.check_suffix(posterior, ".csv")
-    several, auto = len(tables) > 1, model == AUTO
-    _refuse(
-        not several and (shared or per_clip), "--shared and --per-clip are about several clips; give several tables"
-    )
-    single = "--plot, --posterior, --uncertainty and --model auto are about one table"
-    _refuse(several and (plot or posterior or uncertainty or auto), single)
-    unnamed = "need the name of a model, not --model auto"
-    _refuse(auto and (plot or uncertainty or known or start), f"--plot, --uncertainty, --set and --start-at {unnamed}")
-    _refuse(auto and (validate or posterior or hold != "auto"), f"--hold, --validate and --posterior {unnamed}")
-    _refuse(validation_plot and not validate, "--validation-plot draws what --validate simulates; give both")
-    if posterior is not None:
+    _terminal.check_suffix(files.posterior, ".csv")
+    _check_together(len(tables) > 1, stated, record, how, files)
+    if files.posterior is not None:
         from fitters.ode.posterior import emcee_module
 
         emcee_module()
-    _records.checked_hold(hold)
-    columns = _records.with_sample_time(columns, sample_time)
-    chosen: OdeModel | None
-    if equation is not None:
-        chosen = _own_equation.model_of(equation, bound or [], known or [], tables[0], columns)
-    else:
-        chosen = None if model in (None, AUTO) else MODELS.named(model)
+    record = _records.checked(record)
+    chosen: OdeModel | None = None
+    if stated.equation is not None:
+        chosen = _own_equation.model_of(stated, tables[0], record.columns)
+    elif stated.model not in (None, AUTO):
+        chosen = MODELS.named(stated.model)
     units = {} if chosen is None else chosen.units()
-    fixed, first = (_parsing.settings(texts or (), units) for texts in (known, start))
-    options = {
-        "model": model,
-        "equation": equation,
-        "bound": bound,
-        "columns": columns,
-        "set": known,
-        "free": free,
-        "start_at": start,
-        "shared": shared,
-        "uncertainty": uncertainty,
-        "hold": hold,
-        "validate": validate,
-    }
-    clips = [_parsing.with_options(clip, **options) for clip in _terminal.read_tables(tables, columns, chosen)]
-    starts = {name: value.value for name, value in first.items()}
-    record = None
-    if chosen is not None:
-        clips, record = _records.split(clips, validate, columns, chosen)
-        clips = _records.held(clips, chosen, hold, fixed=fixed, free=free or [], start=starts)
+    fixed, first = (_parsing.settings(texts, units) for texts in (stated.known, how.start))
+    options = typed(stated, record, how)
+    clips = [_parsing.with_options(clip, **options) for clip in _terminal.read_tables(tables, record.columns, chosen)]
     if chosen is None:
-        verdict, model = _choose(clips[0], free or [], output, force, json)
-    elif len(tables) > 1:
-        parts = (shared or [], per_clip or [], free or [])
-        verdict = _pool(tables, clips, chosen, parts, fixed, starts, output, force, json)
+        verdict, model = _choose(clips[0], stated.free, output, force, json)
+        stated = replace(stated, model=model)
     else:
-        validation = None if record is None else (f"{validate}", record, validation_plot)
-        verdict = _fit_one(
-            clips[0], chosen, fixed, free or [], starts, uncertainty or ["robust"], validation,
-            output, plot, posterior, force, json,
-        )  # fmt: skip
-    named = ["--model", model] if equation is None else ["--equation", equation]
-    same = [*_terminal.repeated("--bound", bound), *_terminal.repeated("--set", known)]
-    same += [*_terminal.repeated("--free", free), *_terminal.repeated("--columns", columns and [columns])]
-    same += [*_terminal.repeated("--validate", validate and [validate])]
-    same += ["--hold", hold] if hold != "auto" else []
-    diagnosis = ("diagnose", *tables, *named, *same, "-o", output.parent / "diagnosis")
-    _terminal.suggest(*diagnosis, json=json)
+        starts = {name: value.value for name, value in first.items()}
+        clips, kept = _records.split(clips, how.validate, record.columns, chosen)
+        clips = _records.held(clips, chosen, record.hold, fixed=fixed, free=stated.free, start=starts)
+        values = {"fixed": fixed, "free": stated.free, "start": starts}
+        if len(tables) > 1:
+            verdict = _pool(tables, clips, chosen, how, values, output, force, json)
+        else:
+            verdict = _fit_one(clips[0], chosen, how, values, kept, files, output, force, json)
+    same = as_typed(stated, record, how, leave_out=("start", "shared", "per_clip", "uncertainty"))
+    _terminal.suggest("diagnose", *tables, *same, "-o", output.parent / "diagnosis", json=json)
     _terminal.end(verdict, strict)
+
+
+def _check_together(
+    several: bool, stated: EquationArguments, record: RecordArguments, how: FitArguments, files: FilesArguments
+) -> None:
+    """Refuse options that do not go together."""
+    auto, plot, posterior = stated.model == AUTO, files.plot, files.posterior
+    clips = "--shared and --per-clip are about several clips; give several tables"
+    _refuse(not several and (how.shared or how.per_clip), clips)
+    single = "--plot, --posterior, --uncertainty and --model auto are about one table"
+    _refuse(several and (plot or posterior or how.uncertainty or auto), single)
+    unnamed = "need the name of a model, not --model auto"
+    values = f"--plot, --uncertainty, --set and --start-at {unnamed}"
+    _refuse(auto and (plot or how.uncertainty or stated.known or how.start), values)
+    later = f"--hold, --validate and --posterior {unnamed}"
+    _refuse(auto and (how.validate or posterior or record.hold != "auto"), later)
+    drawn = "--validation-plot draws what --validate simulates; give both"
+    _refuse(files.validation_plot and not how.validate, drawn)
 
 
 def _refuse(wrong: object, text: str) -> None:
@@ -157,45 +152,39 @@ def _refuse(wrong: object, text: str) -> None:
 def _fit_one(
     trajectory: Trajectory,
     model: OdeModel,
-    fixed: dict[str, Estimate],
-    free: list[str],
-    starts: dict[str, float],
-    uncertainty: list[str],
-    validation: tuple[str, Trajectory, Path | None] | None,
+    how: FitArguments,
+    values: Mapping[str, Any],
+    record: Trajectory | None,
+    files: FilesArguments,
     output: Path,
-    plot: Path | None,
-    posterior: Path | None,
     force: bool,
     json: bool,
 ) -> Verdict:
-    from dataclasses import replace
-
     from fitters.ode import fit as fit_model
     from fitters.ode.identifiability import identifiability
+    from iris_sysid.cli import _records
     from iris_sysid.io import json_documents
 
-    methods = [method for text in uncertainty for method in text.split(",")]
+    methods = [method for text in how.uncertainty or ["robust"] for method in text.split(",")]
     with _terminal.phases(f"fitting {model.name}"):
-        result = fit_model(trajectory, model, fixed=fixed, free=free, start=starts, uncertainty=methods)
+        result = fit_model(trajectory, model, **values, uncertainty=methods)
     if result.identifiability is not None:
         result = replace(result, identifiability=identifiability(result, trajectory))
-    found = None if validation is None or not result.usable else _validated(result, trajectory, validation[1])
+    found = None if record is None or not result.usable else _validated(result, trajectory, record)
     document = json_documents.fit_document(result, trajectory)
-    if found is not None and validation is not None:
+    if found is not None:
         from iris_sysid.io.validation_json import validation_entry
 
-        document = document.model_copy(update={"validation": validation_entry(found, validation[0])})
+        document = document.model_copy(update={"validation": validation_entry(found, f"{how.validate}")})
     json_documents.write_document(document, output, overwrite=force)
-    _draw(trajectory, result, plot, force)
+    _draw(trajectory, result, files.plot, force)
     _terminal.show_fit(result, trajectory, json)
     _terminal.check_usable(result)
-    if posterior is not None:
-        _sample(result, trajectory, posterior, force, json)
-    if found is not None and validation is not None:
-        from iris_sysid.cli import _records
-
+    if files.posterior is not None:
+        _sample(result, trajectory, files.posterior, force, json)
+    if found is not None:
         _records.tell(found, json)
-        _records.draw(found, validation[2], force)
+        _records.draw(found, files.validation_plot, force)
     return result.verdict
 
 
@@ -222,9 +211,8 @@ def _pool(
     tables: list[Path],
     clips: list[Trajectory],
     model: OdeModel,
-    names: tuple[list[str], list[str], list[str]],
-    fixed: dict[str, Estimate],
-    starts: dict[str, float],
+    how: FitArguments,
+    values: Mapping[str, Any],
     output: Path,
     force: bool,
     json: bool,
@@ -235,9 +223,8 @@ def _pool(
     from iris_sysid.io.fit_json import pooled_document
     from iris_sysid.report.text import pooled_table
 
-    shared, per_clip, free = names
     with _terminal.phases(f"fitting {model.name} to {len(clips)} clips"):
-        pooled = fit_clips(clips, model, shared=shared, per_clip=per_clip, fixed=fixed, free=free, start=starts)
+        pooled = fit_clips(clips, model, shared=how.shared, per_clip=how.per_clip, **values)
     document = pooled_document(pooled, [table.name for table in tables], clips[0])
     json_documents.write_document(document, output, overwrite=force)
     _terminal.show_verdict(pooled.verdict, json)

@@ -6,21 +6,22 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from iris_sysid.cli import _terminal
-from iris_sysid.cli.arguments import Force, Fps, KeepPartial, Scheduler, TimeBase, TransferCurve, WorkerCount
+from iris_sysid.cli._groups import with_groups
+from iris_sysid.cli.arguments import Force, Fps, KeepPartial, TimeBase, TransferCurve, WorkArguments
 
 if TYPE_CHECKING:
     from iris_sysid.benchmark.groundtruth.measure import ClipMeasurement, Measurements
     from iris_sysid.io.schemas.groundtruth import ParameterEntry, ParametersDocument
 
 
+@with_groups
 def gt(
+    processes: WorkArguments,
     dataset: Annotated[Path | None, typer.Argument(help="Folder of <Class>/<setting>/<clip>.mp4.")] = None,
     output: Annotated[Path | None, typer.Option("-o", "--output", help="File to write: parameters.json.")] = None,
     measured: Annotated[Path | None, typer.Option(help="Direct measurements; --template prints a file.")] = None,
     board: Annotated[str | None, typer.Option(help="Inner corners of the checkerboards, e.g. 9x6.")] = None,
     square: Annotated[str | None, typer.Option(help="Side of their squares: 25mm or 25.0+-0.1mm.")] = None,
-    workers: WorkerCount = None,
-    scheduler: Scheduler = None,
     trials: Annotated[int | None, typer.Option(help="Measure only this many clips of each setting.")] = None,
     work: Annotated[Path | None, typer.Option(help="Folder of the measurements; default OUTPUT.work.")] = None,
     fps: Fps = None,
@@ -67,14 +68,14 @@ def gt(
         trials=trials,
         transfer=_parsing.transfer(transfer),
     )
-    processes = _terminal.workers_of(workers, scheduler)
+    workers = _terminal.workers_of(processes)
     with _terminal.progress("measuring clips") as report_progress:
         measurements = measure(
             dataset,
             work or output.with_suffix(".work"),
             measured=by_hand,
             conditions=conditions,
-            workers=processes,
+            workers=workers,
             progress=report_progress,
             tell=lambda text: typer.echo(_terminal.one_line(text), err=True),
         )

@@ -1,12 +1,14 @@
 """The command ``iris-sysid plan``."""
 
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from iris_sysid.cli import _completion, _terminal
-from iris_sysid.cli.arguments import TABLE, Columns, Force, Json, SampleTime, Settings, hold_option
+from iris_sysid.cli._groups import with_groups
+from iris_sysid.cli.arguments import SET, TABLE, Force, Json, RecordArguments
 
 if TYPE_CHECKING:
     from iris_sysid.diagnosis.planning.changes import SetUpChange
@@ -20,60 +22,66 @@ BODY = ("mass", "radius", "length", "spring")
 
 Diagnosed = Annotated[Path | None, typer.Argument(help="diagnosis.json, or the folder that holds it.")]
 Clips = Annotated[list[Path] | None, typer.Argument(help=f"The clips that were diagnosed. {TABLE}.")]
-Names = Annotated[
-    list[str] | None, typer.Option("--name", help="Tell these apart instead: quadratic-drag, nothing. Repeat it.")
-]
-Costs = Annotated[list[str] | None, typer.Option("--cost", help="Cost of a change, 1 for others: release75=3.")]
-Filmed = Annotated[Path | None, typer.Option("--filmed", help="The new clip, made with the change --change.")]
-Change = Annotated[
-    str,
-    typer.Option(
-        "--change",
-        help="What the new clip was made with: release75, plan.json:release75, or factors, mass=2.3,radius=1.",
-    ),
-]
-To = Annotated[
-    str | None,
-    typer.Option(
-        "--to",
-        help="Before any clip: the effect to find, and its size: quadratic-drag=0.05.",
-        autocompletion=_completion.effects,
-    ),
-]
-Filming = Annotated[
-    str | None,
-    typer.Option(
-        "--phenomenon", help="What will be filmed, with --to; see list.", autocompletion=_completion.phenomena
-    ),
-]
-Distance = Annotated[float, typer.Option(help="Distance of the camera in m, with --to.", min=0.01)]
-Rate = Annotated[float, typer.Option("--fps", help="Frame rate in 1/s, with --to.", min=1.0)]
-NoisePx = Annotated[float, typer.Option("--noise-px", help="Noise of a tracked position in px, with --to.", min=1e-4)]
-Precise = Annotated[
-    list[str] | None, typer.Option("--precise", help="Say what a value needs to be known that well: gravity=0.1%.")
-]
-InputHold = Annotated[str, hold_option("as in the diagnosis")]
 Folder = Annotated[Path | None, typer.Option("-o", "--output", help="Folder for plan.json and plan.png.")]
 
 
+@dataclass(frozen=True)
+class ChangeArguments:
+    """What to tell apart, what the changes cost, and the new clip."""
+
+    name: Annotated[
+        list[str], typer.Option("--name", help="Tell these apart instead: quadratic-drag, nothing. Repeat it.")
+    ] = field(default_factory=list)
+    cost: Annotated[list[str], typer.Option("--cost", help="Cost of a change, 1 for others: release75=3.")] = field(
+        default_factory=list
+    )
+    precise: Annotated[
+        list[str], typer.Option("--precise", help="Say what a value needs to be known that well: gravity=0.1%.")
+    ] = field(default_factory=list)
+    filmed: Annotated[Path | None, typer.Option("--filmed", help="The new clip, made with the change --change.")] = None
+    change: Annotated[
+        str,
+        typer.Option(
+            "--change",
+            help="What the new clip was made with: release75, plan.json:release75, or factors, mass=2.3,radius=1.",
+        ),
+    ] = "repeat"
+
+
+@dataclass(frozen=True)
+class FilmingArguments:
+    """The effect to find before any clip, and how it will be filmed."""
+
+    to: Annotated[
+        str | None,
+        typer.Option(
+            "--to",
+            help="Before any clip: the effect to find, and its size: quadratic-drag=0.05.",
+            autocompletion=_completion.effects,
+        ),
+    ] = None
+    phenomenon: Annotated[
+        str | None,
+        typer.Option(
+            "--phenomenon", help="What will be filmed, with --to; see list.", autocompletion=_completion.phenomena
+        ),
+    ] = None
+    known: Annotated[list[str], SET] = field(default_factory=list)
+    distance: Annotated[float, typer.Option(help="Distance of the camera in m, with --to.", min=0.01)] = 2.0
+    fps: Annotated[float, typer.Option("--fps", help="Frame rate in 1/s, with --to.", min=1.0)] = 60.0
+    noise_px: Annotated[
+        float, typer.Option("--noise-px", help="Noise of a tracked position in px, with --to.", min=1e-4)
+    ] = 0.1
+
+
+@with_groups
 def plan(
+    changes: ChangeArguments,
+    camera: FilmingArguments,
+    record: RecordArguments,
     diagnosis: Diagnosed = None,
     clips: Clips = None,
     output: Folder = None,
-    name: Names = None,
-    cost: Costs = None,
-    precise: Precise = None,
-    filmed: Filmed = None,
-    change: Change = "repeat",
-    to: To = None,
-    phenomenon: Filming = None,
-    known: Settings = None,
-    distance: Distance = 2.0,
-    fps: Rate = 60.0,
-    noise_px: NoisePx = 0.1,
-    columns: Columns = None,
-    sample_time: SampleTime = None,
-    hold: InputHold = "auto",
     force: Force = False,
     json: Json = False,
 ) -> None:
@@ -86,41 +94,38 @@ def plan(
     Example:
       iris-sysid plan diagnosis/ trajectory.csv -o plan/
     """
-    if to is not None:
-        _before_any_clip(to, phenomenon, known or [], (distance, fps, noise_px), output, force, json)
+    if camera.to is not None:
+        _before_any_clip(camera.to, camera, output, force, json)
     elif diagnosis is None or not clips:
         raise typer.BadParameter("give a diagnosis and its clips, or --phenomenon and --to")
     else:
-        asked = (name or [], cost or [], precise or [])
         from iris_sysid.cli import _records
 
-        _records.checked_hold(hold)
-        columns = _records.with_sample_time(columns, sample_time)
-        _after_a_clip(diagnosis, clips, asked, (filmed, change), columns, hold, output, force, json)
+        _after_a_clip(diagnosis, clips, changes, _records.checked(record), output, force, json)
 
 
 def _after_a_clip(
     diagnosis: Path,
     clips: list[Path],
-    asked: tuple[list[str], list[str], list[str]],
-    made: tuple[Path | None, str],
-    columns: str | None,
-    hold: str,
+    changes: ChangeArguments,
+    record: RecordArguments,
     output: Path | None,
     force: bool,
     json: bool,
 ) -> None:
-    """Rank the changes; ``asked``: names, costs and precisions as typed, ``made``: a new clip and its change."""
+    """Rank the changes, and weigh the effects with a new clip where there is one."""
     from iris_sysid.io.json_documents import document_text
 
     _check_folder(output, force)
-    filmed, change = made
-    stated, costs, errors = _stated(change), dict(map(_number, asked[1])), dict(map(_error, asked[2]))
+    stated = _stated(changes.change)
+    costs, errors = dict(map(_number, changes.cost)), dict(map(_error, changes.precise))
     document = _diagnosed(diagnosis)
-    question = _question(document, tuple(asked[0]), clips[0], columns)
-    trajectories = _as_diagnosed(_terminal.read_tables(clips, columns, question.model), document, hold)
-    filmed_clips = _terminal.read_tables([filmed], columns, question.model) if filmed is not None else []
-    new = _as_diagnosed(filmed_clips, document, hold)
+    question = _question(document, tuple(changes.name), clips[0], record.columns)
+    filmed = [] if changes.filmed is None else [changes.filmed]
+    trajectories, new = (
+        _as_diagnosed(_terminal.read_tables(tables, record.columns, question.model), document, record.hold)
+        for tables in (clips, filmed)
+    )
     # imported after the clips are read, so that an unreadable file is reported without delay
     from iris_sysid.diagnosis.planning.plan import plan as rank_changes
     from iris_sysid.report.plan_text import decision_text, needs_text, plan_document, plan_text
@@ -133,7 +138,7 @@ def _after_a_clip(
     if new:
         from iris_sysid.diagnosis.planning.decide import decide
 
-        decision = decide(question, trajectories, new, stated or planned.named(change).change)
+        decision = decide(question, trajectories, new, stated or planned.named(changes.change).change)
         written = written.model_copy(update={"decision": dict(decision.probabilities)})
         said += f"\n{decision_text(decision)}"
     if output is not None:
@@ -149,31 +154,23 @@ def _check_folder(folder: Path | None, force: bool) -> None:
         check_writable(Path(folder or ".") / file, overwrite=force)
 
 
-def _before_any_clip(
-    to: str,
-    phenomenon: str | None,
-    known: list[str],
-    camera: tuple[float, float, float],
-    output: Path | None,
-    force: bool,
-    json: bool,
-) -> None:
-    """Print the detection limits; ``camera`` is its distance (m), frame rate (1/s) and noise (px)."""
+def _before_any_clip(to: str, camera: FilmingArguments, output: Path | None, force: bool, json: bool) -> None:
+    """Print the detection limits of the effect ``to``."""
     from iris_sysid.cli import _parsing
     from iris_sysid.io.files import write_atomic
     from iris_sysid.io.json_documents import document_text
     from iris_sysid.registry import EFFECTS, MODELS, PHENOMENA
 
     _check_folder(output, force)
-    if phenomenon is None:
+    if camera.phenomenon is None:
         raise typer.BadParameter("--to needs --phenomenon")
     effect, _, size = to.partition("=")
-    model = MODELS.named(PHENOMENA.named(phenomenon).model)
-    values = {name: given.value for name, given in _parsing.settings(known, model.units()).items()}
+    model = MODELS.named(PHENOMENA.named(camera.phenomenon).model)
+    values = {name: given.value for name, given in _parsing.settings(camera.known, model.units()).items()}
     from iris_sysid.diagnosis.planning.detection_limit import camera_limits
     from iris_sysid.report.plan_text import limits_document, limits_text
 
-    limits = camera_limits(model, EFFECTS.named(effect), values, *camera)
+    limits = camera_limits(model, EFFECTS.named(effect), values, camera.distance, camera.fps, camera.noise_px)
     wanted = float(size) if size else None
     text = document_text(limits_document(limits))
     if output is not None:

@@ -6,7 +6,8 @@ from typing import Annotated
 import typer
 
 from iris_sysid.cli import _completion, _terminal
-from iris_sysid.cli.arguments import Force, Scheduler, Settings, WorkerCount
+from iris_sysid.cli._groups import with_groups
+from iris_sysid.cli.arguments import Force, Settings, WorkArguments
 from iris_sysid.errors import UnknownNameError
 
 # defaults; clips of a data set have the benchmark's size and number
@@ -16,7 +17,9 @@ EVERY_CLASS = "all"
 BENCHMARK = "iris"  # the data set whose classes are rendered; classes of other data sets only when named
 
 
+@with_groups
 def render(
+    work: WorkArguments,
     phenomenon: Annotated[
         str | None, typer.Option(help="Phenomenon to render; see iris-sysid list.", autocompletion=_completion.scenes)
     ] = None,
@@ -35,8 +38,6 @@ def render(
     dataset: Annotated[Path | None, typer.Option(help="Render the benchmark's 240 clips into this folder.")] = None,
     classes: Annotated[list[str] | None, typer.Option(help="Render only this class; 'all' renders all ten.")] = None,
     trials: Annotated[int | None, typer.Option(help=f"Clips of each setting; default {TRIALS}.")] = None,
-    workers: WorkerCount = None,
-    scheduler: Scheduler = None,
     force: Force = False,
 ) -> None:
     """Render a synthetic clip, or a whole synthetic data set, and write its exact truth beside it.
@@ -51,14 +52,9 @@ def render(
         of_clip = {"--phenomenon": phenomenon, "-o": output, "--effect": effect, "--set": known, "--force": force}
         _terminal.refuse(of_clip, "belongs to a single clip, not to --dataset; leave it out")
         video = (size or DATASET_SIZE, fps, seconds, seed)
-        _render_dataset(dataset, video, classes or [], trials, _terminal.workers_of(workers, scheduler))
+        _render_dataset(dataset, video, classes or [], trials, _terminal.workers_of(work))
         return
-    of_dataset = {
-        "--classes": classes,
-        "--trials": trials,
-        "--workers": workers,
-        "--scheduler": scheduler,
-    }
+    of_dataset = {"--classes": classes, "--trials": trials, "--workers": work.workers, "--scheduler": work.scheduler}
     _terminal.refuse(of_dataset, "belongs to --dataset; give its folder")
     if phenomenon is None or output is None:
         raise typer.BadParameter("Missing option '--phenomenon' or '-o', for a clip; or '--dataset', for all of them")

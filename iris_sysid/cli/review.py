@@ -2,36 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from iris_sysid.cli import _terminal
 from iris_sysid.cli._groups import with_groups
-from iris_sysid.cli.arguments import (
-    Bodies,
-    ClipArguments,
-    ModelArguments,
-    PhenomenonAsked,
-    ScaleArguments,
-    SceneArguments,
-    TrackerArguments,
-)
-
-if TYPE_CHECKING:
-    from iris_sysid.review.request import ReviewRequest
+from iris_sysid.cli.arguments import Bodies, FilmArguments, PhenomenonAsked
 
 
 @with_groups
 def review(
     source: Annotated[Path, typer.Argument(help="Clip, or the folder of a run or of an earlier review.")],
-    scale: ScaleArguments,
-    clip: ClipArguments,
-    tracking: TrackerArguments,
-    scene: SceneArguments,
-    model: ModelArguments,
+    film: FilmArguments,
     phenomenon: PhenomenonAsked = None,
     bodies: Bodies = None,
     output: Annotated[
@@ -51,27 +35,30 @@ def review(
     from functools import partial
 
     from iris_sysid.cli import _parsing
+    from iris_sysid.registry import PHENOMENA
     from iris_sysid.review.app import review_app
     from iris_sysid.review.opening import is_result, open_clip, open_result
+    from iris_sysid.review.request import ReviewRequest
     from iris_sysid.review.server import serve
 
     folder = source if is_result(source) else output or Path(f"{source.stem}-review")
     given = {
         "--phenomenon": phenomenon,
         "--bodies": bodies,
-        "--scale": scale.scale,
-        "--scale-bar": scale.scale_bar,
-        "--mark": scene.mark,
-        "--set": model.known,
-        "--free": model.free,
-        "--roi": tracking.roi,
+        "--scale": film.scale,
+        "--scale-bar": film.scale_bar,
+        "--mark": film.mark,
+        "--set": film.known,
+        "--free": film.free,
+        "--roi": film.roi,
     }
     if is_result(folder):
         _terminal.refuse(given, f"is recorded in {folder} already; change it on the page")
-        _, calibration = _parsing.calibration_of(None, None, scale.calibration)
+        _, calibration = _parsing.calibration_of(None, None, film.calibration)
         session = open_result(folder, video or (None if source == folder else source), calibration)
     else:
-        session = open_clip(source, folder, _request(phenomenon, bodies, scale, clip, tracking, scene, model))
+        request = film.request(None if phenomenon is None else PHENOMENA.named(phenomenon), bodies)
+        session = open_clip(source, folder, ReviewRequest(**request._asdict()))
         session.track()
 
     def ready(address: str) -> None:
@@ -86,43 +73,3 @@ def review(
         _terminal.suggest("review", folder)
     else:
         typer.echo(f"report: {folder / 'report.html'}", err=True)
-
-
-def _request(
-    phenomenon: str | None,
-    bodies: int | None,
-    scale: ScaleArguments,
-    clip: ClipArguments,
-    tracking: TrackerArguments,
-    scene: SceneArguments,
-    model: ModelArguments,
-) -> ReviewRequest:
-    """The request as typed."""
-    from iris_sysid import pipeline
-    from iris_sysid.cli import _parsing
-    from iris_sysid.registry import PHENOMENA, TRACKERS
-    from iris_sysid.review.request import ReviewRequest
-    from iris_sysid.types import GeometryOptions
-
-    chosen = None if phenomenon is None else PHENOMENA.named(phenomenon)
-    if chosen is not None and tracking.tracker is not None:
-        TRACKERS.named(tracking.tracker)
-        chosen = replace(chosen, tracker=tracking.tracker)
-    gravity, calibration = _parsing.calibration_of(scale.scale, scale.scale_bar, scale.calibration)
-    marks = scene.mark or ()
-    count = bodies or (1 if chosen is None else chosen.bodies)
-    options = _parsing.track_options(count, tracking.roi, tracking.colour, None, curve=tracking.transfer)
-    return ReviewRequest(
-        phenomenon=chosen,
-        calibration=calibration,
-        settings=_parsing.settings(model.known or (), {} if chosen is None else pipeline.accepted_settings(chosen)),
-        free=tuple(model.free or ()),
-        clip=clip.options(_parsing.fraction(scene.time_base)),
-        geometry=GeometryOptions(
-            marks_px=_parsing.marks(marks),
-            plumb_px=_parsing.plumb_line(marks),
-            vertical=_parsing.vertical(scene.vertical),
-            scale_from_gravity=gravity,
-        ),
-        tracking=replace(options, marks=_parsing.body_marks(marks)),
-    )

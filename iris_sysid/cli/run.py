@@ -7,30 +7,14 @@ import typer
 
 from iris_sysid.cli import _terminal
 from iris_sysid.cli._groups import with_groups
-from iris_sysid.cli.arguments import (
-    ClipArguments,
-    Force,
-    Json,
-    ModelArguments,
-    Output,
-    PhenomenonAsked,
-    ScaleArguments,
-    SceneArguments,
-    Strict,
-    TrackerArguments,
-    Video,
-)
+from iris_sysid.cli.arguments import FilmArguments, Force, Json, Output, PhenomenonAsked, Strict, Video
 
 
 @with_groups
 def run(
     video: Video,
     output: Output,
-    scale: ScaleArguments,
-    clip: ClipArguments,
-    tracking: TrackerArguments,
-    scene: SceneArguments,
-    model: ModelArguments,
+    film: FilmArguments,
     phenomenon: PhenomenonAsked = None,
     force: Force = False,
     json: Json = False,
@@ -42,43 +26,24 @@ def run(
     Example:
       iris-sysid run pendulum.mp4 --phenomenon pendulum --scale 640px=1m -o out/
     """
-    from dataclasses import replace
-
     from iris_sysid import pipeline
-    from iris_sysid.cli import _parsing
-    from iris_sysid.registry import PHENOMENA, TRACKERS
-    from iris_sysid.types import GeometryOptions
+    from iris_sysid.registry import PHENOMENA
 
     _terminal.check_outputs(video, [output / name for name in pipeline.FILES], overwrite=force)
     if phenomenon is None:
         _ask_for_phenomenon(video, output)
     chosen = PHENOMENA.named(phenomenon)
-    if tracking.tracker is not None:
-        TRACKERS.named(tracking.tracker)  # refuses an unknown name before the clip is opened
-        chosen = replace(chosen, tracker=tracking.tracker)
-    gravity, calibration = _parsing.calibration_of(scale.scale, scale.scale_bar, scale.calibration)
-    marks, body_marks = scene.mark or (), _parsing.body_marks(scene.mark or ())
-    geometry = GeometryOptions(
-        marks_px=_parsing.marks(marks),
-        plumb_px=_parsing.plumb_line(marks),
-        vertical=_parsing.vertical(scene.vertical),
-        scale_from_gravity=gravity,
-    )
     with _terminal.progress("tracking", then="calibrating and fitting") as report_progress:
+        request = film.request(chosen, progress=report_progress)
         result = pipeline.run(
             video,
-            chosen,
-            calibration=calibration,
-            settings=_parsing.settings(model.known or (), pipeline.accepted_settings(chosen)),
-            free=model.free or (),
-            options=replace(
-                _parsing.track_options(
-                    chosen.bodies, tracking.roi, tracking.colour, report_progress, curve=tracking.transfer
-                ),
-                marks=body_marks,
-            ),
-            clip=clip.options(_parsing.fraction(scene.time_base)),
-            geometry=geometry,
+            request.phenomenon or chosen,
+            calibration=request.calibration,
+            settings=request.settings,
+            free=request.free,
+            options=request.tracking,
+            clip=request.clip,
+            geometry=request.geometry,
         )
     page = pipeline.save(result, output, overwrite=force)
     _terminal.show_fit(result.fit, result.trajectory, json)

@@ -9,7 +9,7 @@ def schema(
     name: Annotated[
         str,
         typer.Argument(
-            help="fit, diagnosis, discovery, plan, detection-limits, calibration, origin, tensor, group; "
+            help="fit, diagnosis, discovery, plan, detection-limits, calibration, origin, group; "
             "measured, clip or parameters of gt."
         ),
     ],

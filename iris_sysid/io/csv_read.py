@@ -21,7 +21,7 @@ from iris_sysid.io.json_documents import read_document
 from iris_sysid.io.rounded_times import unrounded
 from iris_sysid.io.schemas import OriginDocument, number
 from iris_sysid.io.table_cells import read_cells
-from iris_sysid.io.table_headers import titles_of, understood
+from iris_sysid.io.table_headers import parse_headers, titles_of
 from iris_sysid.types import (
     TRACK_MASKS,
     TRACK_SIGMAS,
@@ -240,7 +240,7 @@ def _of_another_program(path: str | Path, columns: Mapping[str, str] | None) -> 
     cells = read_cells(path)
     for k, title in enumerate(titles_of(cells)):
         _refuse_groups(cells.label, title, [row[k] for row in cells.rows])
-    sheet, read_as = understood(cells, columns)
+    sheet, read_as = parse_headers(cells, columns)
     return trajectory_of_sheet(sheet, None, {**origin_of(cells.file, {}), "read_as": list(read_as)})
 
 

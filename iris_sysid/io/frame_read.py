@@ -10,8 +10,8 @@ from iris_sysid.io.csv_cells import Sheet
 from iris_sysid.io.csv_read import trajectory_of_sheet
 from iris_sysid.io.files import origin_of
 from iris_sysid.io.table_cells import Cells
-from iris_sysid.io.table_headers import understood
-from iris_sysid.types import Sensor, Trajectory
+from iris_sysid.io.table_headers import parse_headers
+from iris_sysid.types import Quantity, Sensor, Trajectory
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -70,7 +70,7 @@ def from_frame(frame: pd.DataFrame, columns: Mapping[str, str] | None = None) ->
             raise DataError("the data frame has two columns of the same name; rename or delete one")
         trajectory = trajectory_of_sheet(Sheet(LABEL, own, lines), None, origin)
     else:
-        sheet, read_as = understood(_as_cells(table, lines), columns)
+        sheet, read_as = parse_headers(_as_cells(table, lines), columns)
         trajectory = trajectory_of_sheet(sheet, None, {**origin, "read_as": list(read_as)})
     return trajectory.with_(sensor=_sensor(frame.attrs))
 
@@ -93,7 +93,7 @@ def _as_cells(table: pd.DataFrame, lines: list[int]) -> Cells:
         *groups, name = (str(level) for level in levels)
         own, column = _cells(table.iloc[:, k])
         unit = own or units.get(name, units.get(name.removeprefix("sigma_"), ""))
-        titles.append((*groups, f"{name} [{unit}]" if unit else name))
+        titles.append((*groups, Quantity(name, unit).title))
         cells.append(column)
     header = tuple(tuple(row) for row in zip(*titles, strict=True))
     rows = tuple(tuple(row) for row in zip(*cells, strict=True))

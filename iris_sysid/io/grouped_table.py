@@ -11,7 +11,7 @@ from iris_sysid.io.csv_read import trajectory_of_sheet
 from iris_sysid.io.files import origin_of
 from iris_sysid.io.group_column import names_in, several_groups
 from iris_sysid.io.table_cells import Cells, read_cells
-from iris_sysid.io.table_headers import titles_of, understood
+from iris_sysid.io.table_headers import parse_headers, titles_of
 from iris_sysid.types import Trajectory
 
 
@@ -64,7 +64,7 @@ def read_group(path: str | Path, column: str, name: str, columns: Mapping[str, s
         rows=tuple(cells.rows[row] for row in rows),
         lines=tuple(cells.lines[row] for row in rows),
     )
-    sheet, read_as = understood(own, columns)
+    sheet, read_as = parse_headers(own, columns)
     return trajectory_of_sheet(sheet, None, {**origin_of(cells.file, {}), "read_as": list(read_as)})
 
 

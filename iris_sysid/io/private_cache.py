@@ -1,8 +1,8 @@
 """A directory of this user alone, for results that are costly to compute and dangerous to take from others.
 
-Machine code is executed when it is loaded, so it is only read from files that nobody else can have written: directory
-and file belong to the user who runs the program, nobody else may write to them, and no symbolic link is followed. A
-directory that is not so, or cannot be written, is not used at all: what was sought is then computed anew.
+Machine code is executed when it is loaded, so it is only read from a directory that belongs to the user who runs the
+program and that nobody else can enter. Any other one, and one that cannot be written, is not used at all: what was
+sought is then computed anew.
 """
 
 from __future__ import annotations
@@ -12,16 +12,14 @@ import re
 import secrets
 import stat
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from pathlib import Path
 
 VARIABLE = "IRIS_SYSID_CACHE"  # a directory; "off" for none
 OFF = ("off", "0", "")
 NAME = re.compile(r"[0-9a-f]{64}")
-LARGEST = 1 << 26  # bytes of a file
+MAX_BYTES = 1 << 26  # of a file
 MAX_FILES = 1000  # more, and those that were not used for longest are removed
-OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 
 
 def cache_directory() -> Path | None:
@@ -43,18 +41,11 @@ def cache_directory() -> Path | None:
 
 def read_private(name: str) -> bytes | None:
     """The content kept under a name (64 hexadecimal digits); None where there is none that can be trusted."""
-    with suppress(OSError), _opened_directory(create=False) as directory:
-        if directory is None or not NAME.fullmatch(name):
-            return None
-        descriptor = os.open(name, os.O_RDONLY | os.O_NOFOLLOW | os.O_CLOEXEC, dir_fd=directory)
-        with os.fdopen(descriptor, "rb") as file:
-            state = os.fstat(descriptor)
-            mine = state.st_uid == os.geteuid() and not state.st_mode & OTHERS_WRITE
-            if not (stat.S_ISREG(state.st_mode) and mine and state.st_size <= LARGEST):
-                return None
-            content = file.read(LARGEST)
-            with suppress(OSError):
-                os.utime(descriptor)  # used now: to be kept
+    with suppress(OSError):
+        file = _private(name)
+        if file is not None and file.stat().st_size <= MAX_BYTES:
+            content = file.read_bytes()
+            os.utime(file)  # used now: to be kept
             return content
     return None
 
@@ -64,51 +55,41 @@ def write_private(name: str, content: bytes) -> bool:
 
     Two processes may do so at once: each writes a file of its own and puts it in place in one step.
     """
-    with suppress(OSError), _opened_directory(create=True) as directory:
-        if directory is None or not NAME.fullmatch(name) or len(content) > LARGEST:
+    with suppress(OSError):
+        file = _private(name, create=True)
+        if file is None or len(content) > MAX_BYTES:
             return False
-        own = f".{name}.{secrets.token_hex(8)}"
-        flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
+        own = file.with_name(f".{name}.{secrets.token_hex(8)}")
         try:
-            with os.fdopen(os.open(own, flags, 0o600, dir_fd=directory), "wb") as file:
-                file.write(content)
-            os.replace(own, name, src_dir_fd=directory, dst_dir_fd=directory)
-        except OSError:
-            with suppress(OSError):
-                os.unlink(own, dir_fd=directory)
-            return False
-        _remove_oldest(directory)
+            own.write_bytes(content)
+            own.replace(file)
+        finally:
+            own.unlink(missing_ok=True)
+        _remove_oldest(file.parent)
         return True
     return False
 
 
-@contextmanager
-def _opened_directory(*, create: bool) -> Iterator[int | None]:
-    """The directory, open; None where there is none, or where somebody else could write to it."""
+def _private(name: str, *, create: bool = False) -> Path | None:
+    """The file of a name; None where there is no directory, or where somebody else could enter it."""
     path = cache_directory()
-    if path is None or not hasattr(os, "geteuid"):
-        yield None
-        return
+    if path is None or not hasattr(os, "geteuid") or not NAME.fullmatch(name):
+        return None
     if create:
         path.mkdir(mode=0o700, parents=True, exist_ok=True)
-    descriptor = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC)
-    try:
-        state = os.fstat(descriptor)
-        private = state.st_uid == os.geteuid() and not stat.S_IMODE(state.st_mode) & 0o077
-        yield descriptor if private else None
-    finally:
-        os.close(descriptor)
+    state = path.lstat()
+    private = stat.S_ISDIR(state.st_mode) and state.st_uid == os.geteuid() and not stat.S_IMODE(state.st_mode) & 0o077
+    return path / name if private else None
 
 
-def _remove_oldest(directory: int) -> None:
+def _remove_oldest(directory: Path) -> None:
     """Remove a quarter of the files, those not used for longest, when there are too many."""
-    names = os.listdir(directory)
-    if len(names) <= MAX_FILES:
+    files = list(directory.iterdir())
+    if len(files) <= MAX_FILES:
         return
     used = []
-    for name in names:
+    for file in files:
         with suppress(OSError):
-            used.append((os.stat(name, dir_fd=directory, follow_symlinks=False).st_mtime_ns, name))
-    for _, name in sorted(used)[: MAX_FILES // 4]:
-        with suppress(OSError):
-            os.unlink(name, dir_fd=directory)
+            used.append((file.stat().st_mtime_ns, file))
+    for _, file in sorted(used)[: MAX_FILES // 4]:
+        file.unlink(missing_ok=True)

@@ -106,7 +106,7 @@ class Meaning:
         return f"{self.factor:g} {unit}" if self.factor != 1.0 else unit
 
 
-def understood(cells: Cells, stated: Mapping[str, str] | None = None) -> tuple[Sheet, tuple[str, ...]]:
+def parse_headers(cells: Cells, stated: Mapping[str, str] | None = None) -> tuple[Sheet, tuple[str, ...]]:
     """The columns that a trajectory takes, under this project's names, and what was understood of the header.
 
     Parameters

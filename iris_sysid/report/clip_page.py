@@ -34,7 +34,7 @@ from iris_sysid.trajectory.vertical_and_scale import vertical_note
 from iris_sysid.types import FitResult, Run, Trajectory
 
 SYMBOL_LENGTH = 2  # letters of a name that is a symbol, and keeps its case
-MOST_VALUES = 3  # numbers beside the picture
+MAX_VALUES = 3  # numbers beside the picture
 
 
 def write_report(run: Run, folder: str | Path, *, overwrite: bool = False) -> Path:
@@ -147,7 +147,7 @@ def headline(fit: FitResult) -> str:
 def key_values(fit: FitResult, names: list[str]) -> list[KeyValue]:
     """The numbers that a person came for, the first one first; none where there is no fit."""
     symbols = symbols_of(fit.model)
-    found = names[:MOST_VALUES] if fit.usable else []
+    found = names[:MAX_VALUES] if fit.usable else []
     return [KeyValue(name, symbols.get(name, ""), fit.estimates[name]) for name in found]
 
 

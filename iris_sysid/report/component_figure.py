@@ -17,7 +17,7 @@ Colour = tuple[float, float, float]  # red, green, blue from 0 to 1
 # Okabe and Ito (2008), a colour for each side; further parts of a side are lighter
 COLOURS: dict[ComponentSide, str] = {"force": "#0072B2", "reading": "#D55E00", "clock": "#CC79A7", "input": "#E69F00"}
 NOISE = (0.73, 0.73, 0.73)
-MOST_CURVES = 2
+MAX_CURVES = 2
 WIDTH_IN, HEIGHT_IN, LINE_IN = 9.0, 2.4, 0.22
 BAR_LINES = 1.5  # height of a bar in lines of its legend
 AXES: dict[ComponentSide, str] = {
@@ -39,7 +39,7 @@ def component_figure(components: Components, remaining: Components | None = None
     remaining
         Of the residual with them: a second bar, as long as its variance is of the first.
     """
-    drawn = [part for part in components.parts if part.curve is not None][:MOST_CURVES]
+    drawn = [part for part in components.parts if part.curve is not None][:MAX_CURVES]
     lines = len(components.parts) + 1 + (len(remaining.parts) + 2 if remaining is not None else 0)
     height = max(HEIGHT_IN * max(len(drawn), 1), 1.6 + LINE_IN * lines)
     figure = Figure(figsize=(WIDTH_IN, height), layout="constrained")
@@ -65,7 +65,7 @@ def component_caption(components: Components, *, added: bool) -> str:
         Whether a second bar shows the residual with effects.
     """
     bars = "shares of its variance" + (", without and with the added effects" if added else "")
-    curves = [part for part in components.parts if part.curve is not None][:MOST_CURVES]
+    curves = [part for part in components.parts if part.curve is not None][:MAX_CURVES]
     over = "; right: the largest parts over what they depend on, with their 95 % band" if curves else ""
     imitated = "; what the fitted values can imitate is left out" if curves else ""
     return f"Parts of the residual: {bars}{over}{imitated}"

@@ -1,4 +1,4 @@
-"""The parts of a residual as a table: the share of each, its size, and what is said of it."""
+"""The parts of a residual as a table: the share of each, its size, and the finding on it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ SAID: dict[FindingWord, str] = {"named": "named", "group": "group", "located": "
 
 
 def parts_sections(diagnosis: Diagnosis) -> list[Section]:
-    """The parts of the residual with what is said of each; then those that remain with the added effects."""
+    """The parts of the residual with the finding on each; then those that remain with the added effects."""
     sections = []
     if diagnosis.components is not None:
         lines = [_sides(diagnosis.components), *_open(diagnosis)]
@@ -57,7 +57,7 @@ def _said(finding: Finding | None) -> str:
 
 
 def _open(diagnosis: Diagnosis) -> list[str]:
-    """What is said of no part in particular."""
+    """The finding that is on no part in particular."""
     return [
         as_sentence(f"open: {finding.reason}" if finding.reason else "something is missing; the data do not say where")
         for finding in diagnosis.findings

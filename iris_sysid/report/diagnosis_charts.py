@@ -10,10 +10,10 @@ from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure
 
 from iris_sysid.report.chart import Band, Chart, Series
-from iris_sysid.report.component_figure import AXES, MOST_CURVES
+from iris_sysid.report.component_figure import AXES, MAX_CURVES
 from iris_sysid.report.diagnosis_tables import WITH, WITHOUT, fits_of
 from iris_sysid.report.diagnosis_text import share_text, size_text
-from iris_sysid.report.figures import MOST_POINTS
+from iris_sysid.report.figures import MAX_POINTS
 from iris_sysid.report.page import Bar, PageImage, png_of
 from iris_sysid.report.residual_charts import input_charts, motion_chart, residual_chart
 from iris_sysid.report.text import percent, shown_unit
@@ -57,7 +57,7 @@ def _bar(title: str, components: Components, scale: float) -> Bar:
 def component_charts(diagnosis: Diagnosis) -> list[Chart]:
     """The largest parts of the residual over what they depend on, each with its 95 % band."""
     parts = diagnosis.components.parts if diagnosis.components is not None else ()
-    drawn = [part for part in parts if part.curve is not None][:MOST_CURVES]
+    drawn = [part for part in parts if part.curve is not None][:MAX_CURVES]
     return [_component_chart(part, k) for k, part in enumerate(drawn)]
 
 
@@ -142,7 +142,7 @@ def _most_varied(fit: FitResult) -> int:
 
 
 def _draw_state(axes: Axes, fit: FitResult, k: int, largest: float) -> PathCollection:
-    some = slice(None, None, -(-fit.n // MOST_POINTS))
+    some = slice(None, None, -(-fit.n // MAX_POINTS))
     position, colour = fit.predicted[fit.used, k][some], fit.residual[fit.used, k][some]
     size, speed = _size_of_dots(fit) ** 2, _speed(fit, k)[some]
     return axes.scatter(position, speed, s=size, c=colour, cmap="RdBu_r", vmin=-largest, vmax=largest)

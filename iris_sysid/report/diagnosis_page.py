@@ -10,7 +10,7 @@ from iris_sysid.io.discovery_json import term_entry
 from iris_sysid.io.json_documents import checked, entries_of, fit_document, plain_origin, write_document
 from iris_sysid.io.schemas import DiagnosisDocument, ValidationEntry
 from iris_sysid.io.validation_json import validation_entry
-from iris_sysid.report.clip_page import MOST_VALUES, write_page
+from iris_sysid.report.clip_page import MAX_VALUES, write_page
 from iris_sysid.report.component_figure import component_caption, component_figure
 from iris_sysid.report.component_table import parts_sections
 from iris_sysid.report.diagnosis_charts import component_bars, component_charts, residual_charts, state_image
@@ -174,7 +174,7 @@ def diagnosis_page(
 
 
 def headline(diagnosis: Diagnosis) -> str:
-    """The answer in one sentence: what is said of the largest part of the residual, or that it is noise."""
+    """The answer in one sentence: the finding on the largest part of the residual, or that it is noise."""
     findings = sorted(diagnosis.findings, key=lambda finding: BEST_FIRST.index(finding.word))
     if diagnosis.components is not None and findings:
         return finding_sentence(findings[0], diagnosis)
@@ -195,7 +195,7 @@ def _values(diagnosis: Diagnosis) -> list[KeyValue]:
     effects = [KeyValue(size.name, size.symbol, diagnosis.sizes[size.name]) for size in sizes]
     symbols, seen = symbols_of(final.model), {size.name for size in sizes}
     values = [KeyValue(name, symbols.get(name, ""), final.estimates[name]) for name in main_names(final)]
-    return [*effects, *(value for value in values if value.name not in seen)][:MOST_VALUES]
+    return [*effects, *(value for value in values if value.name not in seen)][:MAX_VALUES]
 
 
 def _film(diagnosis: Diagnosis, clip: Trajectory, footage: Filmed | None) -> Film | None:

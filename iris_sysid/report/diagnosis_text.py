@@ -1,4 +1,4 @@
-"""A diagnosis in words: the parts of the residual, what is said of each, the error before and after."""
+"""A diagnosis in words: the parts of the residual, the finding on each, the error before and after."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from iris_sysid.report.text import (
-    SMALLEST_PERCENT,
+    MIN_PERCENT,
     as_sentence,
     percent,
     probability_text,
@@ -32,24 +32,24 @@ from iris_sysid.types import (
     times_text,
 )
 
-SMALLEST_SHARE = 0.03  # of a part of the residual that the sentence mentions
+MIN_SHARE = 0.03  # of a part of the residual that the sentence mentions
 WIDE_RANGE = 0.1  # of shares, above which the range is given
 SLOW: tuple[ComponentKind, ...] = ("zero-wander", "force-of-time", "own-force-drift")
 MAX_ALTERNATIVES = 2  # kinds that can take the place of a part, that its clause names
-SMALLEST_PROBABILITY = 0.05  # of a cause that is mentioned
+MIN_PROBABILITY = 0.05  # of a cause that is mentioned
 CAUSES: Mapping[EffectCause, str] = {
     "physics": "the physics",
     "measurement": "the measurement",
     "clock": "the clock",
 }
-MOST_NAMED = 5  # indistinguishable effects that are named; further ones are counted
-MOST_SPOKEN = 2  # added effects that the sentence of the error names
+MAX_NAMED = 5  # indistinguishable effects that are named; further ones are counted
+MAX_SPOKEN = 2  # added effects that the sentence of the error names
 MUCH_WIDER = 1.5  # ratio of the two standard errors (model-averaged over plain) above which both are given
 TOO_SHORT = "The residual is too short to be split into parts."
 
 
 def diagnosis_sentence(diagnosis: Diagnosis) -> str:
-    """The diagnosis in a few sentences: the parts of the residual, what is said of each, the error before and after."""
+    """The diagnosis in a few sentences: the parts of the residual, the finding on each, the error before and after."""
     return " ".join(diagnosis_sentences(diagnosis))
 
 
@@ -114,12 +114,12 @@ def parts_sentence(components: Components | None, subject: str = "residual") -> 
         return ""
     if not components.parts:
         return f"The {subject} is noise: nothing is missing that these data could show."
-    shown = [part for part in components.parts if part.share >= SMALLEST_SHARE] or list(components.parts[:1])
+    shown = [part for part in components.parts if part.share >= MIN_SHARE] or list(components.parts[:1])
     clauses = [_part_clause(part, components) for part in shown]
     first, *more = [(share_text(part), clause) for part, clause in zip(shown, clauses, strict=True)]
     small = sum(part.share for part in components.parts) - sum(part.share for part in shown)
     texts = [f"{first[0]} of the {subject} {first[1]}", *(f"{share} {clause}" for share, clause in more)]
-    if small >= SMALLEST_PERCENT:
+    if small >= MIN_PERCENT:
         texts.append(f"{percent(small)} lies in smaller parts")
     return as_sentence("; ".join([*texts, f"{percent(components.noise_share)} is noise"]))
 
@@ -174,7 +174,7 @@ def with_article(noun: str) -> str:
 
 
 def finding_sentence(finding: Finding, diagnosis: Diagnosis) -> str:
-    """One sentence for what is said of one part of the residual."""
+    """One sentence for the finding on one part of the residual."""
     reason = f": {finding.reason}" if finding.reason else ""
     removes = f"removes {percent(finding.share)} of the residual in samples held out"
     if finding.word == "open" or (finding.word != "located" and not finding.effects):
@@ -219,7 +219,7 @@ def _cause_sentence(diagnosis: Diagnosis) -> str:
         effect.name: " or ".join(
             f"{CAUSES[cause]} ({probability_text(probability)})"
             for cause, probability in diagnosis.causes.get(effect.name, {}).items()
-            if probability >= SMALLEST_PROBABILITY
+            if probability >= MIN_PROBABILITY
         )
         for effect in diagnosis.added
     }
@@ -267,7 +267,7 @@ def _error_sentence(diagnosis: Diagnosis) -> str:
     if not effects:
         return f"The {which} is {_angle(diagnosis, before)}, the noise {noise}."
     verb = "falls" if after < before else "changes"
-    few = [spoken(effect.name) for effect in effects] if len(effects) <= MOST_SPOKEN else []
+    few = [spoken(effect.name) for effect in effects] if len(effects) <= MAX_SPOKEN else []
     them = " and ".join(few) or "these effects"
     change = f"from {_angle(diagnosis, before)} to {_angle(diagnosis, after)}"
     return f"With {them} the {which} {verb} {change}; the noise is {noise}."
@@ -304,8 +304,8 @@ def _effect_text(effect: Effect, diagnosis: Diagnosis) -> str:
 
 
 def _alternatives(names: Sequence[str]) -> str:
-    more = [f"{len(names) - MOST_NAMED} more"] if len(names) > MOST_NAMED else []
-    return " or ".join([*map(spoken, names[:MOST_NAMED]), *more])
+    more = [f"{len(names) - MAX_NAMED} more"] if len(names) > MAX_NAMED else []
+    return " or ".join([*map(spoken, names[:MAX_NAMED]), *more])
 
 
 def spoken(name: str) -> str:

@@ -33,7 +33,7 @@ FIT_COLOUR = "#000000"
 PHASES = 9
 TALLEST_IN, NARROWEST_IN = 9.0, 3.5  # of the picture of a tall clip
 CURVE_POINTS = 600
-MOST_POINTS = 5000  # of a quantity in a plot
+MAX_POINTS = 5000  # of a quantity in a plot
 
 
 def sample_labels(trajectory: Trajectory) -> list[str]:
@@ -230,9 +230,9 @@ def outline(values: Array) -> NDArray[np.intp]:
     ``values`` (n,) in any unit; NaN is not drawn.
     """
     finite = np.flatnonzero(np.isfinite(values))
-    if finite.size <= MOST_POINTS:
+    if finite.size <= MAX_POINTS:
         return np.arange(values.size)
-    parts = np.array_split(finite, MOST_POINTS // 2)
+    parts = np.array_split(finite, MAX_POINTS // 2)
     return np.unique([part[choose(values[part])] for part in parts for choose in (np.argmin, np.argmax)])
 
 

@@ -24,11 +24,11 @@ from iris_sysid.video.reader import open_video
 
 FRAMES = 60
 LONGEST_PX = 640  # side of a frame in the page
-MOST_BYTES = 1_400_000  # of all frames of a page, as JPEG
+MAX_BYTES = 1_400_000  # of all frames of a page, as JPEG
 QUALITY, STILL_QUALITY = 70, 82  # of the frames, and of the picture on top
 SHRINK, TRIES = 0.8, 6  # of the frames' sides, until they keep to the budget
-FEWEST = 5  # samples that show how coordinates lie in the image
-MOST_OFF, LEAST_PX = 0.03, 3.0  # largest rms error of that map, over the extent of the motion; smallest extent, px
+MIN_SAMPLES = 5  # samples that show how coordinates lie in the image
+MAX_OFF, MIN_PX = 0.03, 3.0  # largest rms error of that map, over the extent of the motion; smallest extent, px
 SEEN_PX = 8.0  # radius of the marker of a body whose own is not known, px of the clip
 BODIES = 4  # colours of bodies in the page
 
@@ -207,7 +207,7 @@ def _within_budget(images: Sequence[NDArray[np.uint8]]) -> list[bytes]:
             jpeg_of(cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), QUALITY)
             for image in images
         ]
-        if sum(map(len, frames)) <= MOST_BYTES:
+        if sum(map(len, frames)) <= MAX_BYTES:
             break
         scale *= SHRINK
     return frames
@@ -251,15 +251,15 @@ def model_px(track: Track, trajectory: Trajectory, fit: FitResult) -> tuple[Arra
         return np.where(inside[:, None], track.xy_px, np.nan), fit.predicted[:, 0]
     observed = trajectory.position[:, [trajectory.column(name) for name in names]]
     used = track.valid & trajectory.valid & fit.used
-    extent = float(np.max(np.ptp(track.xy_px[used], axis=0))) if used.sum() >= FEWEST else 0.0
-    if extent < LEAST_PX:
+    extent = float(np.max(np.ptp(track.xy_px[used], axis=0))) if used.sum() >= MIN_SAMPLES else 0.0
+    if extent < MIN_PX:
         return None, radius
     angles = [quantity.unit == "rad" for quantity in fit.model.observed]
     single = [[k] for k in range(len(names))]
     pairs = [[k, k + 1] for k in range(len(names) - 1) if not angles[k]]
     maps = [_map_to_px(observed, track.xy_px, used, angles, some) for some in (*single, *pairs)]
     off, coefficients, some = min(maps, key=lambda one: one[0])
-    if off > MOST_OFF * extent:
+    if off > MAX_OFF * extent:
         return None, radius
     predicted = _basis(fit.predicted, angles, some) @ coefficients
     moved = track.xy_px + predicted - _basis(observed, angles, some) @ coefficients

@@ -9,7 +9,7 @@ from iris_sysid.report.text import as_sentence
 from iris_sysid.types import FitResult, correlation_matrix
 
 CORRELATED = 0.9  # above this correlation, two values are known only in combination
-MOST = 5  # largest number of pairs shown
+MAX_PAIRS = 5  # largest number of pairs shown
 
 
 def identifiability_sections(fit: FitResult) -> list[Section]:
@@ -21,7 +21,7 @@ def identifiability_sections(fit: FitResult) -> list[Section]:
     lines += [f"Not determined: {direction}." for direction in known.undetermined]
     lines += [as_sentence(known.weakest)] if known.weakest and not known.undetermined else []
     lines += _one_step_lines(fit)
-    rows = [(first, second, f"{value:+.3f}") for value, first, second in correlations(fit)[:MOST]]
+    rows = [(first, second, f"{value:+.3f}") for value, first, second in correlations(fit)[:MAX_PAIRS]]
     columns = (*words("value", "correlates with"), *numbers("correlation")) if rows else ()
     return [Section("Identifiability", columns, rows, lines=lines)]
 

@@ -28,7 +28,7 @@ from iris_sysid.io.schemas import (
 )
 from iris_sysid.report.text import with_unit
 
-MOST_SHOWN = 12
+MAX_SHOWN = 12
 BETTER = 0.1  # by which the best proposal's power must exceed that of a repeat to be called better
 
 
@@ -83,7 +83,7 @@ def plan_rows(planned: Plan) -> list[dict[str, str]]:
     """A row for each proposal, best first."""
     shared = {name for proposal in planned.proposals for name in proposal.stderr}
     rows = []
-    for proposal in planned.proposals[:MOST_SHOWN]:
+    for proposal in planned.proposals[:MAX_SHOWN]:
         power = {} if np.isnan(proposal.power) else {"power": percent_of(proposal)}
         errors = {
             f"error of {name}": f"x {proposal.stderr[name] / today:.2g}" if name in proposal.stderr else "-"

@@ -78,7 +78,7 @@ def _reach(fit: FitResult) -> tuple[float, float]:
 
 
 def residual_chart(fit: FitResult, k: int, noise: float, *, name: str, which: str = "", colour: str = "") -> Chart:
-    """The residual of one observed quantity over time, with what is to be seen written on it.
+    """The residual of one observed quantity over time, with its features written on it.
 
     Parameters
     ----------

@@ -12,8 +12,8 @@ from iris_sysid.types import Array, FitResult, Quantity
 NOISE_LIKE = 1.5  # times the noise, up to which a residual is called noise
 MOSTLY = 0.8  # of the sum of squares in one part of the motion, for that part to be named
 ALIKE = 0.5  # of the variance that a simple form must explain to be named
-FEWEST = 12  # samples from which a form is read
-PARTS = 5  # the first and the last of so many parts of the time are looked at
+MIN_SAMPLES = 12  # samples from which a form is read
+PARTS = 5  # of the time, equal in length; the first and the last are looked at
 SPIKES = 0.02  # the share of the samples that may hold most of the sum of squares
 
 
@@ -48,7 +48,7 @@ def _looks(quantity: Quantity, t_s: Array, residual: Array, motion: Array, noise
         return "zero throughout"
     if noise > 0 and rms < NOISE_LIKE * noise:
         return "no more than noise"
-    if residual.size < FEWEST:
+    if residual.size < MIN_SAMPLES:
         return "too few samples to see a form"
     where = _where(quantity, t_s, residual, motion)
     form = _form(t_s, residual, motion)

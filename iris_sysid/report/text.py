@@ -22,7 +22,7 @@ from iris_sysid.types import (
 
 DEGREES: Mapping[str, tuple[str, float]] = {"rad": ("°", 180 / math.pi), "rad/s": ("°/s", 180 / math.pi)}
 NOTEWORTHY = 0.2  # smallest inclusion at which a term that was not selected is shown
-SMALLEST_PERCENT = 0.005  # a share below it is "under 1 %"
+MIN_PERCENT = 0.005  # a share below it is "under 1 %"
 
 
 # --------------------------------------------------------------------------- numbers
@@ -32,7 +32,7 @@ def percent(share: float) -> str:
     """A share in percent, e.g. "93 %"; one that rounds to zero is "under 1 %"."""
     if not math.isfinite(share):
         return "unknown"
-    return "under 1 %" if share < SMALLEST_PERCENT else f"{min(100 * share, 100):.0f} %"
+    return "under 1 %" if share < MIN_PERCENT else f"{min(100 * share, 100):.0f} %"
 
 
 def probability_text(probability: float) -> str:

@@ -15,7 +15,7 @@ MINUS = re.compile(r"(?<![\w.)°%/\-])-(?=\.?\d)")
 DEGREES = re.compile(r"(?<=\d) °(?![/C])")
 POWER = re.compile(r"(?<=[A-Za-z°])\^(-?\d+(?:\.\d+)?)")
 EXPONENT = re.compile(r"(?<![\w.])(-?\d+(?:\.\d+)?)e([+-]\d+)(?!\w)")
-MOST_ZEROS = 6  # 2e+06 is written out
+MAX_ZEROS = 6  # 2e+06 is written out
 GREEK_VARIANTS = {"varphi": "phi", "varepsilon": "epsilon", "vartheta": "theta"}
 SUBSCRIPT = re.compile(r"_(?:\{([^{}]*)\}|(.))")
 
@@ -29,7 +29,7 @@ def typeset(text: str) -> str:
 
 def _written_out(number: re.Match[str]) -> str:
     digits, power = number[1], int(number[2])
-    if 0 <= power <= MOST_ZEROS:
+    if 0 <= power <= MAX_ZEROS:
         return f"{float(number[0]):.0f}"
     return f"{digits}·10{str(power).translate(SUPERSCRIPTS)}"
 

@@ -20,7 +20,7 @@ SLOWEST = 0.01  # of the fastest speed: creeping at that speed moves a clip's fi
 BRIEFEST_REST_S = 0.2  # at a turning point a pendulum is slow too, but not for a fifth of a second
 STILL = 1.5  # noises: a motion has a spread of its own beside that of the noise
 TELLING = 0.1  # of the fastest speed: a swing is slower than that for 3 % of its period only
-SMALLEST_JUMP = 0.2  # of the fastest speed; what hits or is hit changes its velocity by more
+MIN_JUMP = 0.2  # of the fastest speed; what hits or is hit changes its velocity by more
 LASTING = 0.5  # share of a jump that the wider windows must see; a slip of the track fades with their width
 JUMP_WIDTHS = (4, 8)  # samples on each side: 4 is the fewest with a parabola and a residual, 8 sees half the jump
 MIN_SAMPLES = 5  # samples that a stretch of motion needs: a parabola and two to spare
@@ -184,7 +184,7 @@ def _impacts(body: BodyMotion, part: Stretch) -> list[Impact]:
     if inside.index.size < MIN_SAMPLES:
         return []
     rate, _ = local.velocity(inside.t_s, inside.position, MIN_SAMPLES)
-    smallest = SMALLEST_JUMP * _fastest(np.hypot.reduce(rate, axis=1))
+    smallest = MIN_JUMP * _fastest(np.hypot.reduce(rate, axis=1))
     sizes: dict[int, float] = {}
     seen = [local.jumps(inside.t_s, inside.position, inside.scale, width) for width in JUMP_WIDTHS]
     widest = seen[-1][0]

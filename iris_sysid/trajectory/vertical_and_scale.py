@@ -17,7 +17,7 @@ from iris_sysid.types import Array, Calibration, Estimate, MotionKind, Phenomeno
 
 MIN_SAMPLES = 5
 LEVEL_STDERR_DEG = 1.0  # standard uncertainty of a camera or a board that is levelled by eye
-LARGEST_STDERR = 0.1  # rad: beyond it the image's own vertical is the better guess
+MAX_STDERR = 0.1  # rad: beyond it the image's own vertical is the better guess
 
 
 def with_motion_vertical(calibration: Calibration, body: Track, kind: MotionKind) -> Calibration:
@@ -54,7 +54,7 @@ def with_motion_vertical(calibration: Calibration, body: Track, kind: MotionKind
         raise CalibrationError(f"the motion cannot give the vertical: only {used.sum()} frames of flight were found")
     t_s, xy_px = world.t_s[used] - world.t_s[used].mean(), body.xy_px[used]
     stderr = _direction_stderr(t_s, world.position[used])
-    if not stderr < LARGEST_STDERR:
+    if not stderr < MAX_STDERR:
         raise CalibrationError(
             f"the motion gives the vertical to {math.degrees(stderr):.2g} degrees only; mark a plumb line instead"
         )
@@ -86,7 +86,7 @@ def vertical_note(calibration: Calibration) -> str:
     return f"{source}, by assumption, to {LEVEL_STDERR_DEG:g} degree: a camera levelled by eye (GUM, type B)"
 
 
-def upright(
+def align_vertical(
     calibration: Calibration,
     body: Track,
     phenomenon: Phenomenon,

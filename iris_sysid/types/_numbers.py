@@ -22,6 +22,11 @@ class Quantity:
         """Name of the column that holds it in a table, e.g. ``theta_rad``."""
         return f"{self.name}_{unit_suffix(self.unit)}"
 
+    @property
+    def title(self) -> str:
+        """Name and unit as people write them above a column, e.g. ``theta [rad]``."""
+        return f"{self.name} [{self.unit}]" if self.unit else self.name
+
 
 def unit_suffix(unit: str) -> str:
     """Spell a unit as the end of a column name: ``m/s^2`` becomes ``m_s2``, no unit becomes ``1``."""

@@ -22,7 +22,7 @@ NO_PLACE = ("1", "V")  # units of a brightness and of a voltage
 FILLED = 0.6  # of the picture's height, which a motion takes that nothing is known of
 WIDTH_OVER_HEIGHT = 16 / 9
 FOCAL_PER_WIDTH = 26 / 36  # a phone's main camera: 26 mm equivalent on 36 mm of film
-LARGEST_PX = 1e12
+MAX_PX = 1e12
 WORST_FIXED = 1e12  # condition of the normal equations beyond which points fix no circle
 CIRCLE_STEPS = 3  # of Gauss and Newton from a centre that is nearly right; they converge quadratically
 
@@ -135,7 +135,7 @@ class View:
         lever_px
             px, the mean distance from there at which the body is seen; a lever that is known otherwise stays.
         """
-        if not (np.all(np.isfinite(pivot_px)) and 0 < lever_px < LARGEST_PX):
+        if not (np.all(np.isfinite(pivot_px)) and 0 < lever_px < MAX_PX):
             return present
         longer = math.hypot(*self.right_px) / lever_px if self.pivot != "arc-of-known-radius" else 1.0
         return replace(
@@ -180,7 +180,7 @@ class View:
             middle = (low + high) / 2
             seen = np.vstack([points_px, [self.origin_px]]) if self.kind == "angle" else points_px
             extent = float(np.max(np.ptp(seen, axis=0)))
-        if not 0 < extent < LARGEST_PX:  # one point, or a solution that diverges
+        if not 0 < extent < MAX_PX:  # one point, or a solution that diverges
             middle, extent = np.zeros(2), 1.0
         height = extent / FILLED
         return self._with_picture((WIDTH_OVER_HEIGHT * height, height), (float(middle[0]), float(middle[1])))

@@ -1,1 +1,1 @@
-"""Frames with their exact times, from video containers, image sequences and tensors."""
+"""Frames with their exact times, from video containers and image sequences."""

@@ -30,7 +30,7 @@ class Promise:
 
 
 @dataclass(slots=True)
-class Tally:
+class StreamCounts:
     """Content read so far: packets, those of them without an image of their own, and images."""
 
     packets: int = 0
@@ -63,7 +63,7 @@ class Tally:
 
     @property
     def lost(self) -> int:
-        """Packets that should have given an image and did not; those before the first key frame are no loss."""
+        """Packets that should have given an image and did not; those before the first key frame do not count."""
         lead = 0 if self.first_pts is None else sum(pts < self.first_pts for pts in self.early_pts)
         return self.packets - self.silent - lead - self.images
 
@@ -86,7 +86,7 @@ def promise_of(container: InputContainer, stream: VideoStream, path: Path) -> Pr
     return Promise(0, frames, duration)
 
 
-def what_is_missing(promise: Promise, tally: Tally, stream: VideoStream, path: Path) -> str:
+def what_is_missing(promise: Promise, tally: StreamCounts, stream: VideoStream, path: Path) -> str:
     """Why the end of the stream is not the end of the clip; empty when it is.
 
     Parameters

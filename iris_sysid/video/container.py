@@ -17,7 +17,7 @@ from av.stream import Discard, Disposition
 from av.video.stream import VideoStream
 
 from iris_sysid.errors import VideoError
-from iris_sysid.video.completeness import EMPTY_PACKET_BYTES, Promise, Tally, promise_of, what_is_missing
+from iris_sysid.video.completeness import EMPTY_PACKET_BYTES, Promise, StreamCounts, promise_of, what_is_missing
 from iris_sysid.video.container_ends import boxes, truncation_reason
 from iris_sysid.video.even_times import EvenTimes, even_times, is_coarse
 from iris_sysid.video.pixel_formats import Orientation, coding_of, orientation_of
@@ -76,7 +76,7 @@ class ContainerSource:
 
     @property
     def expected(self) -> int:
-        """Number of frames that the header promises, or about so many by its duration; 0 when neither is there."""
+        """Number of frames that the header promises, or about that by its duration; 0 when neither is there."""
         return self.promise.frames
 
     @cached_property
@@ -89,7 +89,7 @@ class ContainerSource:
 
         Raises DamageError where the file stops being readable, or at its end when images are missing.
         """
-        tally = Tally()
+        tally = StreamCounts()
         with _opened_again(self.path, self.label) as (container, stream):
             stream.thread_type = "AUTO"
             stream.codec_context.thread_count = min((os.cpu_count() or 1) + DECODED_AHEAD, MAX_DECODED)
@@ -168,7 +168,7 @@ class ContainerSource:
             for key, wanted in bursts:
                 with suppress(av.FFmpegError, DamageError):
                     container.seek(key, stream=stream)
-                    found += _wanted(_decoded(container, stream, Tally()), wanted)
+                    found += _wanted(_decoded(container, stream, StreamCounts()), wanted)
         return found
 
 
@@ -261,7 +261,7 @@ def _video_stream(container: InputContainer, label: str) -> VideoStream:
 def _first_image(container: InputContainer, stream: VideoStream, promise: Promise, label: str) -> av.VideoFrame:
     promised = f"{promise.frames} frames are promised" if promise.frames else "the file promises none"
     try:
-        image = next(_decoded(container, stream, Tally()), None)
+        image = next(_decoded(container, stream, StreamCounts()), None)
     except DamageError as damage:
         raise VideoError(f"{label}: no frame could be read, {promised}: {damage}") from damage
     if image is None:
@@ -280,7 +280,7 @@ def _why(path: Path, error: av.FFmpegError) -> str:
         return f"it is an MP4 without its index (moov box), as when recording or copying was cut off ({size} bytes)"
     if all(byte in b"\t\n\r\f" or 32 <= byte < 127 for byte in head):
         return f"it is a text file that begins with {head[:40].decode('ascii').split(chr(10))[0]!r}"
-    return f"it is no known video format, or its beginning is damaged ({error.strerror or error})"
+    return f"its format is unknown, or its beginning is damaged ({error.strerror or error})"
 
 
 def _has_box(path: Path, kind: bytes) -> bool:
@@ -301,7 +301,7 @@ def _packets(container: InputContainer, stream: VideoStream) -> Iterator[av.Pack
         return
 
 
-def _decoded(container: InputContainer, stream: VideoStream, tally: Tally) -> Iterator[av.VideoFrame]:
+def _decoded(container: InputContainer, stream: VideoStream, tally: StreamCounts) -> Iterator[av.VideoFrame]:
     """Images in display order up to the end or the first damage, which is raised as DamageError."""
     try:
         for packet in _packets(container, stream):

@@ -40,7 +40,7 @@ def is_coarse(rate: Fraction | None, time_base: Fraction | None) -> bool:
 
 
 def even_times(stamps: Sequence[int], rates: Iterable[Fraction | None], time_base: Fraction) -> EvenTimes | None:
-    """The even rate of which the stamps are the rounded times; None where there is none, or nothing is rounded.
+    """The even rate whose rounded times are the stamps; None where there is none, or nothing is rounded.
 
     Parameters
     ----------

@@ -37,7 +37,7 @@ VIDEO_SUFFIXES = {
 MAX_MEMBERS = 200_000
 MAX_MEMBER_BYTES = 64 * 2**30
 MAX_IMAGE_BYTES = 2**30
-MAX_RATIO = 200  # video hardly shrinks at all; raw video of a plain scene by up to about 50
+MAX_RATIO = 200  # video shrinks by a few percent; raw video of a plain scene by up to about 50
 RATIO_COUNTS_FROM_BYTES = 100 * 2**20
 
 Read = Callable[[str], bytes]
@@ -131,7 +131,7 @@ def open_archive(path: Path, label: str, wanted: str | None = None) -> Container
             if video is not None:
                 return _open_member(archive, members[video], f"{label}:{video}")
     except ZIP_TROUBLE as error:
-        raise VideoError(f"{label} is no archive that can be unpacked: {error}; no frame was read") from error
+        raise VideoError(f"{label} cannot be unpacked as an archive: {error}; no frame was read") from error
     images = _the_images(members, path, label, wanted)
 
     def reading() -> Iterator[Read]:

@@ -375,7 +375,7 @@ def open_video(
     stop_s: float | None = None,
     keep_partial: bool = False,
 ) -> Video:
-    """Open a clip: a video file, a GIF, a folder of images, a ``.zip``/``.trz`` of these, or a ``.npy`` tensor.
+    """Open a clip: a video file, a GIF, a folder of images, or a ``.zip``/``.trz`` of these.
 
     ``luma`` of a frame is the plane as it is coded, without conversion or copy: 16-235 in limited range,
     0-255 in full range (``facts["luma_range"]`` says which), the upper 8 bits of deeper video. Images
@@ -403,7 +403,7 @@ def open_video(
     Raises
     ------
     VideoError
-        When there is no such file; when it is no video, is empty, holds no image that can be decoded, or
+        When there is no such file; when it is not a video, is empty, holds no image that can be decoded, or
         claims images beyond 16384 px a side or 2^28 px; for images without ``fps``; for an archive that
         is damaged, encrypted, or too large; for a rate or times that make no sense.
     """
@@ -424,10 +424,6 @@ def _open_source(named: Path, label: str, fps: float | None) -> _Source:
             raise VideoError(f"{label} is a device or pipe, not an ordinary file")
         elif path.suffix.lower() in (".zip", ".trz"):
             source = open_archive(path, label, wanted)
-        elif path.suffix.lower() == ".npy":
-            from iris_sysid.video.tensor_reader import open_tensor  # here: it loads OpenCV and pydantic
-
-            source = open_tensor(path, label)
         else:
             source = open_container(path, label)
     except (OSError, ValueError) as error:  # ValueError: a NUL character in the name

@@ -7,8 +7,6 @@ import resource
 import time
 from pathlib import Path
 
-import iris_sysid
-
 
 def squared(folder: Path, number: int) -> int:
     """The square of a number; 3 ends the process as a lack of memory does."""
@@ -40,13 +38,6 @@ def crowded(folder: Path, number: int) -> int:
 def most_memory(folder: Path, number: int) -> int:
     """The most bytes that this process may have; -1 without a limit."""
     return resource.getrlimit(resource.RLIMIT_DATA)[0]
-
-
-def places(folder: Path, name: str) -> tuple[str, str, str]:
-    """Copy a file within the folder; returns where the code is, where the process runs, and the folder."""
-    (folder / "copies").mkdir(exist_ok=True)
-    (folder / "copies" / name).write_bytes((folder / name).read_bytes() * 2)
-    return str(Path(iris_sysid.__file__).parent.parent), str(Path.cwd()), str(folder)
 
 
 def slow(folder: Path, number: int) -> int:

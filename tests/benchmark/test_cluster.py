@@ -1,4 +1,4 @@
-"""Batches on a real dask cluster: workers with their own copy of the code, in folders of their own."""
+"""Batches on a real dask cluster of two workers, in folders of their own."""
 
 from __future__ import annotations
 
@@ -18,43 +18,33 @@ import pytest
 from iris_sysid.benchmark import cluster
 from iris_sysid.benchmark.batch import Batch
 from iris_sysid.benchmark.groundtruth.measure import measure
-from iris_sysid.benchmark.parallel import side_by_side
-from iris_sysid.benchmark.render_dataset import render_dataset
-from iris_sysid.errors import DataError, IrisError, OutputError
-from iris_sysid.synthetic import Look
-from tests._project import PACKAGES, ROOT
-from tests.benchmark._jobs import minus_one, places, slow, squared
+from iris_sysid.benchmark.parallel import run_parallel
+from iris_sysid.errors import DataError, IrisError
+from tests._project import ROOT
+from tests.benchmark._jobs import minus_one, slow, squared
 from tests.cli.test_own_model import MINE, way
 from tests.conftest import listing
 
-TINY = {"size": (64, 36), "fps": 5.0, "duration_s": 1.0, "trials": 3, "look": Look.plain(read_noise=1.0)}
 START_S = 30.0
 DASK = str(Path(sys.executable).parent / "dask")
 ON_ONE_MACHINE = ("--host", "127.0.0.1", "--no-dashboard")
 
 
-def own_copy(folder: Path) -> dict[str, str]:
-    """Copy the code into a folder; returns the environment in which Python finds this copy alone."""
-    for package in PACKAGES:
-        shutil.copytree(ROOT / package, folder / package)  # with the machine code and its time stamps
-    (folder / "tests" / "benchmark").mkdir(parents=True)
-    for name in ("tests/__init__.py", "tests/benchmark/__init__.py", "tests/benchmark/_jobs.py"):
-        shutil.copy(ROOT / name, folder / name)
-    return {**os.environ, "PYTHONPATH": str(folder), "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "1"}
+ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT), "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "1"}
 
 
 @pytest.fixture(scope="module")
 def scheduler(tmp_path_factory):
-    """The file of a scheduler with two workers, each in its own folder with its own copy of the code."""
+    """The file of a scheduler with two workers."""
     folder = tmp_path_factory.mktemp("cluster")
     file = folder / "scheduler.json"
     with ExitStack() as processes:
 
         def start(name: str, *arguments: str) -> None:
             (folder / name).mkdir()
-            environment, log = own_copy(folder / name), processes.enter_context((folder / f"{name}.log").open("w"))
+            log = processes.enter_context((folder / f"{name}.log").open("w"))
             command = [DASK, *arguments, "--scheduler-file", str(file), *ON_ONE_MACHINE]
-            process = subprocess.Popen(command, cwd=folder / name, env=environment, stderr=log, stdout=log)
+            process = subprocess.Popen(command, cwd=folder / name, env=ENVIRONMENT, stderr=log, stdout=log)
             processes.enter_context(process)
             processes.callback(process.terminate)
 
@@ -75,50 +65,20 @@ def wait_until(condition) -> None:
 
 
 @pytest.mark.slow
-def test_workers_have_their_own_code_and_folders_and_only_results_come_back(scheduler, tmp_path):
-    for name in "abcd":
-        (tmp_path / name).write_bytes(name.encode())
-    batch = Batch(tmp_path, places, minus_one, reads=lambda name: (name,))
-    done = dict(side_by_side(batch, "abcd", scheduler))
-    own = {str(Path(scheduler).parent / name) for name in ("first", "second")}
-    assert {code for code, _, _ in done.values()} <= own
-    assert all(code == where for code, where, _ in done.values())
-    assert not any(Path(used).exists() for _, _, used in done.values())
-    assert {path.name: path.read_bytes() for path in (tmp_path / "copies").iterdir()} == {
-        name: name.encode() * 2 for name in "abcd"
-    }
-
-
-@pytest.mark.slow
 def test_job_that_kills_every_worker_is_lost_and_all_others_are_done(scheduler, tmp_path):
-    done = dict(side_by_side(Batch(tmp_path, squared, minus_one), [3, *range(4, 12)], scheduler))
+    done = dict(run_parallel(Batch(tmp_path, squared, minus_one), [3, *range(4, 12)], scheduler))
     assert done == {3: -1, **{number: number**2 for number in range(4, 12)}}
 
 
 @pytest.mark.slow
 def test_worker_that_is_killed_costs_nothing(scheduler, tmp_path):
-    landing = side_by_side(Batch(tmp_path, slow, minus_one), range(8), scheduler)
+    landing = run_parallel(Batch(tmp_path, slow, minus_one), range(8), scheduler)
     first, process = next(landing)
     os.kill(process, signal.SIGKILL)
     done = dict(landing)
     assert sorted([first, *done]) == list(range(8))
     assert -1 not in done.values()
     assert process not in done.values()
-
-
-@pytest.mark.slow
-def test_rendered_clips_have_the_same_bytes_on_a_cluster_one_of_whose_workers_is_killed(scheduler, tmp_path):
-    with cluster.connected(scheduler) as client:
-        processes = list(client.run(os.getpid).values())
-
-    def kill_one(done: int, expected: int) -> None:
-        while processes[1:]:
-            os.kill(processes.pop(), signal.SIGKILL)
-
-    render_dataset(tmp_path / "there", phenomena=["led"], workers=scheduler, progress=kill_one, **TINY)
-    render_dataset(tmp_path / "here", phenomena=["led"], **TINY)
-    assert len(processes) == 1
-    assert listing(tmp_path / "there") == listing(tmp_path / "here")
 
 
 @pytest.mark.slow
@@ -158,7 +118,7 @@ def test_worker_with_another_version_is_refused(scheduler, tmp_path, monkeypatch
     with pytest.raises(
         DataError, match=r"worker tcp://.* has numpy [\d.]+ instead of 1\.0, source code \w+ instead of"
     ):
-        dict(side_by_side(Batch(tmp_path, squared, minus_one), [1], scheduler))
+        dict(run_parallel(Batch(tmp_path, squared, minus_one), [1], scheduler))
 
 
 @pytest.mark.slow
@@ -169,33 +129,34 @@ def test_end_of_the_scheduler_is_a_stated_error(tmp_path, monkeypatch):
     with (tmp_path / "log").open("w") as log, subprocess.Popen(command, stderr=log, stdout=log) as process:
         wait_until(file.is_file)
         killed = threading.Timer(0.5, process.kill)
-        waits = Batch(tmp_path, squared, minus_one, reads=lambda job: killed.start() or ())  # there is no worker
+        killed.start()
+        waits = Batch(tmp_path, squared, minus_one)  # there is no worker
         with pytest.raises(IrisError, match="the dask scheduler ended before the work; run again"):
-            list(side_by_side(waits, [1], str(file)))
+            list(run_parallel(waits, [1], str(file)))
 
 
 @pytest.mark.slow
 def test_worker_of_several_threads_is_refused(scheduler, tmp_path):
     many = [DASK, "worker", "--scheduler-file", scheduler, *ON_ONE_MACHINE, "--nthreads", "2", "--no-nanny"]
-    environment = own_copy(tmp_path / "third")
     with (
         (tmp_path / "log").open("w") as log,
-        subprocess.Popen(many, cwd=tmp_path, stderr=log, stdout=log, env=environment) as process,
+        subprocess.Popen(many, cwd=tmp_path, stderr=log, stdout=log, env=ENVIRONMENT) as process,
         cluster.connected(scheduler) as client,
     ):
         try:
             client.wait_for_workers(3, timeout=START_S)
             with pytest.raises(DataError, match=r"does 2 jobs at a time in one process.*start it with --nthreads 1"):
-                dict(side_by_side(Batch(tmp_path, slow, minus_one), range(9), scheduler))
+                dict(run_parallel(Batch(tmp_path, slow, minus_one), range(9), scheduler))
         finally:
             process.terminate()
 
 
-@pytest.mark.parametrize("place", ["../escaped", "/escaped", "a/../../escaped"])
-def test_file_of_a_worker_outside_the_folder_is_refused(place, tmp_path):
-    with pytest.raises(OutputError, match=f"a worker sent a file for {place}, which is not in"):
-        cluster._written(Batch(tmp_path / "results", squared, minus_one), 1, (1, {"good": b"", place: b""}))
-    assert list(tmp_path.iterdir()) == []
+@pytest.mark.slow
+def test_folder_that_a_worker_does_not_find_is_named(scheduler, tmp_path, monkeypatch):
+    monkeypatch.setattr(Path, "absolute", lambda path: Path("/proc/self/nowhere"))
+    monkeypatch.setattr(Path, "mkdir", lambda path, **options: None)
+    with pytest.raises(DataError, match=r"worker tcp://.* does not find /proc/self/nowhere; write to a folder"):
+        dict(run_parallel(Batch(tmp_path, squared, minus_one), [1], scheduler))
 
 
 def test_scheduler_that_does_not_answer_is_named(tmp_path, monkeypatch):
@@ -204,7 +165,7 @@ def test_scheduler_that_does_not_answer_is_named(tmp_path, monkeypatch):
         unused.bind(("127.0.0.1", 0))
         address = f"tcp://127.0.0.1:{unused.getsockname()[1]}"
         with pytest.raises(DataError, match=f"no dask scheduler answers at {address}; is it running"):
-            list(side_by_side(Batch(tmp_path, squared, minus_one), [1], address))
+            list(run_parallel(Batch(tmp_path, squared, minus_one), [1], address))
 
 
 @pytest.mark.parametrize("address", ["nowhere", "ftp://somewhere:1", "tcp://:x"])

@@ -223,10 +223,6 @@ def test_gt_command_writes_parameters_and_names_what_failed(cli, work, dataset, 
     assert "3 clips, 0 measured now" in outcome.err
     entry = read_document(output, ParametersDocument).classes["pendulum"]["pendulum_45"]["rope_length"]
     assert (entry.n, entry.unit) == (2, "m")
-    assert [recipe.recipe.partition(",")[0] for recipe in entry.recipes] == [
-        "Levenberg-Marquardt on the damped solution of the linear equation"
-    ]
-    assert entry.recipes[0].bias > 0  # the linear equation makes a pendulum too long
 
 
 def test_gt_command_refuses_to_replace_a_file_before_any_work(cli, dataset, tmp_path):

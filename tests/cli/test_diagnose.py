@@ -9,7 +9,8 @@ import pytest
 
 from iris_sysid import MODELS
 from iris_sysid.benchmark.diagnose_each import NamedTable, diagnose_each
-from iris_sysid.cli._each import EachRequest, prepared
+from iris_sysid.cli._each import EachRequest, SearchArguments, prepared
+from iris_sysid.cli.arguments import EquationArguments
 from iris_sysid.types import DiagnosticNote
 
 PENDULUM = MODELS["pendulum"]
@@ -51,7 +52,7 @@ def test_what_was_stopped_is_said_beside_json(given, angles, tmp_path, cli):
 
 
 def test_every_clip_of_a_batch_has_the_limit(given, angles, tmp_path):
-    request = EachRequest("pendulum", None, None, (), (), None, (), (), None, 0.3, 60.0, KEPT)
+    request = EachRequest(EquationArguments("pendulum"), search=SearchArguments(seconds=60.0, keep_component=KEPT))
     (row,) = diagnose_each([NamedTable("swing", angles)], partial(prepared, request, (PENDULUM, ()), ()), tmp_path)
     assert given == [(60.0, KEPT)]
     assert (row["status"], row["equation"]) == ("good", "complete")

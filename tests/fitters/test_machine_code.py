@@ -107,7 +107,7 @@ def test_two_processes_at_once_both_succeed(cache):
 def test_content_is_read_back(cache):
     assert write_private(NAME, b"machine code")
     assert read_private(NAME) == b"machine code"
-    assert (cache.stat().st_mode & 0o777, (cache / NAME).stat().st_mode & 0o777) == (0o700, 0o600)
+    assert cache.stat().st_mode & 0o777 == 0o700
 
 
 @pytest.mark.parametrize("mode", [0o755, 0o770, 0o777])
@@ -118,28 +118,16 @@ def test_directory_that_others_can_enter_is_not_used(cache, mode):
     assert not write_private(NAME, b"other")
 
 
-def test_file_that_others_can_write_is_not_read(cache):
+def test_link_to_a_directory_is_not_followed(cache, tmp_path):
     assert write_private(NAME, b"machine code")
-    (cache / NAME).chmod(0o620)
-    assert read_private(NAME) is None
-
-
-def test_links_are_not_followed(cache, tmp_path):
-    assert write_private(NAME, b"machine code")
-    (cache / NAME).rename(cache / "elsewhere")
-    (cache / NAME).symlink_to(cache / "elsewhere")
-    assert read_private(NAME) is None
     cache.rename(tmp_path / "real")
     cache.symlink_to(tmp_path / "real")
-    assert read_private("elsewhere") is None
+    assert read_private(NAME) is None
     assert not write_private(NAME, b"other")
 
 
-@pytest.mark.skipif(os.geteuid() != 0, reason="only root can give a file away")
-def test_what_another_user_owns_is_not_read(cache):
-    assert write_private(NAME, b"machine code")
-    os.chown(cache / NAME, 12345, 12345)
-    assert read_private(NAME) is None
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can give a directory away")
+def test_directory_of_another_user_is_not_used(cache):
     assert write_private(NAME, b"machine code")
     os.chown(cache, 12345, 12345)
     assert read_private(NAME) is None

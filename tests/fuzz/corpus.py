@@ -53,7 +53,6 @@ SPACES = (b"\t", b"\n", b"\r", b"\0", b" ", "\ufeff".encode(), b"Zeit (s)")
 OPTION_WORDS = "= +- ± px m mm deg % gamma @ , : plumb= pivot= x ( ) [ ] 1/ gravity .py:"
 EQUATION_WORDS = "' '' = ; sin( max( , ^ ** / ( ) t u1 pi theta __ lambda -"
 XML_WORDS = '<!ENTITY &#0; <object> </object> PointMass [999999999] framedata encoding="utf-7"'
-NPY_WORDS = "'<f4' '|O' True (2, ) 'shape' 999999999999 L '<f2'"
 ZIP_WORDS = (b"PK\x01\x02", b"PK\x03\x04", b"PK\x05\x06", b"\x08\0", b"\x0c\0", b"\x0e\0", b"\0\x08", b"\xff" * 4)
 BINARY_WORDS = (
     *(b"\0" * 4, b"\xff" * 4, b"\x7f\xff\xff\xff", b"\x80\0\0\0", b"\0\0\0\1", b"\xff\xd8", b"\xff\xda"),
@@ -69,11 +68,9 @@ WORDS: Mapping[str, tuple[bytes, ...]] = {
     "csv": (*_encoded(NUMBERS, TABLE_WORDS), *SPACES),
     "documents": _encoded(NUMBERS, JSON_WORDS),
     "side-car": _encoded(NUMBERS, JSON_WORDS),
-    "tensor-side-car": _encoded(NUMBERS, JSON_WORDS),
     "osp-tracker": _encoded(NUMBERS, XML_WORDS),
     "excel": ZIP_WORDS,
     "archive": ZIP_WORDS,
-    "tensor": _encoded(NUMBERS, NPY_WORDS),
     "option": _encoded(NUMBERS, OPTION_WORDS),
     "equation": _encoded(NUMBERS, EQUATION_WORDS),
 }
@@ -190,26 +187,6 @@ def _workbook() -> list[bytes]:
     return [_zipped({name: text.encode() for name, text in parts.items()}, zipfile.ZIP_STORED)]
 
 
-def _tensors() -> list[bytes]:
-    buffers = [io.BytesIO(), io.BytesIO()]
-    np.save(buffers[0], np.zeros((2, 3, 1, 8, 8), np.uint8))
-    np.save(buffers[1], np.full((1, 2, 3, 4, 4), 0.5, np.float32))
-    return [buffer.getvalue() for buffer in buffers]
-
-
-def _tensor_side_car() -> list[bytes]:
-    told = {
-        "document": "tensor",
-        "version": 1,
-        "shape": [2, 3, 1, 8, 8],
-        "step": 1,
-        "stride": 1,
-        "time_step_s": 1,
-        "t_s": [0, 1, 2, 3],
-    }
-    return [json.dumps(told).encode()]
-
-
 def _code() -> list[bytes]:
     """An entry whose last byte was changed."""
     code = b"\x7fELF" + bytes(200)
@@ -231,10 +208,8 @@ SEEDS: Mapping[str, Callable[[], list[bytes]]] = {
     "excel": _workbook,
     "documents": _documents,
     "side-car": lambda: [_in_folder(_side_car)],
-    "tensor-side-car": _tensor_side_car,
     "osp-tracker": lambda: [TRK.encode()],
     "archive": _archives,
-    "tensor": _tensors,
     "png": lambda: _picture(".png"),
     "jpeg": lambda: _picture(".jpg"),
     "tiff": lambda: _picture(".tiff"),

@@ -6,7 +6,6 @@ import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from iris_sysid.calibration.board.detect import grey_image
@@ -91,11 +90,6 @@ def _beside(path: Path) -> None:
     read_trajectory(table)
 
 
-def _tensor_beside(path: Path) -> None:
-    np.save(path.with_name("t.npy"), np.zeros((2, 3, 1, 8, 8), np.uint8))
-    _frames(path.with_name("t.npy"))
-
-
 def _documents(path: Path) -> None:
     for kind in {**DOCUMENTS, **GROUND_TRUTH}.values():
         _refusing(lambda file, kind=kind: read_document(file, kind), path)
@@ -136,10 +130,8 @@ FUZZ_TARGETS: Mapping[str, Target] = {
     "excel": readers_of("table.xlsx", read_trajectory),
     "documents": readers_of("document.json", _documents, read_calibration),
     "side-car": readers_of("beside.json", _beside),
-    "tensor-side-car": readers_of("t.npy.json", _tensor_beside),
     "osp-tracker": readers_of("project.trk", _marks),
     "archive": readers_of("project.trz", _marks, _frames),
-    "tensor": readers_of("clip.npy", _frames),
     "png": readers_of("1.png", lambda path: _frames(path.parent), grey_image),
     "jpeg": readers_of("1.jpg", lambda path: _frames(path.parent), grey_image),
     "tiff": readers_of("1.tiff", lambda path: _frames(path.parent), grey_image),

@@ -24,7 +24,10 @@ PATTERNS = {
     "none-of": (r"\bnone of (a|none)\b", "'not a'"),
     "what-lies": (r"\b(what|whatever) (lies|moves|stands)\b", "the noun of what it is"),
     "to-be-seen": (r"\bis to be seen\b", "'is visible'"),
-    "most-least": (r"\b(MOST|LEAST|FEWEST)(_[A-Z_]+)?(?= = |, [A-Z_]+ = )", "MAX_ or MIN_"),
+    "most-least": (
+        r"\b((MOST|LEAST|FEWEST)(_[A-Z_]+)?|(LARGEST|SMALLEST)_[A-Z_]+)(?= = |, [A-Z_]+ = )",
+        "MAX_ or MIN_",
+    ),
 }
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 
@@ -71,6 +74,7 @@ def test_list_of_known_places_only_shrinks():
         ("is-said", "what is cut off is said"),
         ("most-least", "MOST_ROWS = 5"),
         ("most-least", "FEWEST = 5"),
+        ("most-least", "LARGEST_SHARE = 0.5"),
     ],
 )
 def test_pattern_is_found(name, text):

@@ -100,7 +100,7 @@ def test_frames_keep_to_the_budget(monkeypatch):
     rng = np.random.default_rng(1)
     images = [rng.integers(0, 255, (200, 300, 3), dtype=np.uint8) for _ in range(20)]
     whole = sum(map(len, film_module._within_budget(images)))
-    monkeypatch.setattr(film_module, "MOST_BYTES", whole // 3)
+    monkeypatch.setattr(film_module, "MAX_BYTES", whole // 3)
     small = film_module._within_budget(images)
     assert len(small) == 20
     assert sum(map(len, small)) <= whole // 3

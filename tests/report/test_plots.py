@@ -27,7 +27,7 @@ from iris_sysid import (
     to_html,
 )
 from iris_sysid.diagnosis.planning.rivals import Question
-from iris_sysid.report.figures import MOST_POINTS, outline
+from iris_sysid.report.figures import MAX_POINTS, outline
 from tests._motions import pendulum_angle
 from tests.diagnosis.test_planning import QUESTION, swing
 from tests.types.test_pickling import T_S, dragged
@@ -153,8 +153,8 @@ def test_long_record_is_drawn_by_the_extremes_of_short_parts():
     values = np.random.default_rng(0).standard_normal(100_000)
     values[[17, 60_001]] = np.nan, 50.0
     shown = outline(values)
-    assert shown.size <= MOST_POINTS
+    assert shown.size <= MAX_POINTS
     assert 60_001 in shown
     assert np.argmin(np.where(np.isfinite(values), values, 0.0)) in shown
     assert np.all(np.diff(shown) > 0)
-    np.testing.assert_array_equal(outline(values[:MOST_POINTS]), np.arange(MOST_POINTS))
+    np.testing.assert_array_equal(outline(values[:MAX_POINTS]), np.arange(MAX_POINTS))

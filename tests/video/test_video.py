@@ -816,7 +816,7 @@ def png(width, height):
         (lambda p: written(p / "a.mp4", b"t,x\n0,1\n"), "it is a text file that begins with 't,x'"),
         (
             lambda p: written(p / "a.mp4", bytes(range(256)) * 9),
-            "it is no known video format, or its beginning is damaged",
+            "its format is unknown, or its beginning is damaged",
         ),
         (lambda p: cut_to(big_clip(p / "a.mp4"), 0.6), "it is an MP4 without its index .moov box."),
         (lambda p: cut_to(big_clip(p / "a.mp4", **FAST_START), 0.02), "without its index|no frame could be read"),
@@ -1095,14 +1095,14 @@ def encrypted(path, content):
 @pytest.mark.parametrize(
     ("made", "message"),
     [
-        (lambda p: written(p / "a.zip", b"no zip"), "a.zip is no archive that can be unpacked: File is not a zip file"),
-        (lambda p: cut_to(pack(p / "a.zip", {"a.mp4": clip_bytes(p)}), 0.5), "is no archive that can be unpacked"),
-        (lambda p: broken(p / "a.zip", clip_bytes(p)), "is no archive that can be unpacked: Bad CRC-32"),
-        (lambda p: encrypted(p / "a.zip", clip_bytes(p)), "is no archive that can be unpacked: .*encrypted"),
+        (lambda p: written(p / "a.zip", b"no zip"), "a.zip cannot be unpacked as an archive: File is not a zip file"),
+        (lambda p: cut_to(pack(p / "a.zip", {"a.mp4": clip_bytes(p)}), 0.5), "cannot be unpacked as an archive"),
+        (lambda p: broken(p / "a.zip", clip_bytes(p)), "cannot be unpacked as an archive: Bad CRC-32"),
+        (lambda p: encrypted(p / "a.zip", clip_bytes(p)), "cannot be unpacked as an archive: .*encrypted"),
         (lambda p: bomb(p / "a.zip"), "claims 125829120 bytes unpacked from .*: more than a video can be"),
         (lambda p: bomb(p / "a.zip", "1.bmp"), "claims 125829120 bytes unpacked from .*; an image may have"),
         (lambda p: blank_png(p / "1.png").parent, "none of its 1 images was read: 1.png cannot be read"),
-        (lambda p: damaged_lzma(p / "a.zip"), "is no archive that can be unpacked: Corrupt input data"),
+        (lambda p: damaged_lzma(p / "a.zip"), "cannot be unpacked as an archive: Corrupt input data"),
         (lambda p: pack(p / "a.zip", {}), "holds no video and no images"),
         (lambda p: pack(p / "a.zip", {"a.txt": b"x"}), "holds no video and no images"),
         (

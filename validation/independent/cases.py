@@ -14,7 +14,7 @@ from validation.independent.noise import NOISES, whitened
 DETECTABLE = 4.0  # standard errors of a size beside all fitted values: about 5 % over the library and its shapes
 FACTORS = (2.0, 8.0)  # of the detectable size
 STEP = 1e-4  # relative, of a value whose effect on the observation is wanted
-LARGEST_CHANGE = 0.3  # of the motion's own spread: beyond, the effect is no small correction
+MAX_CHANGE = 0.3  # of the motion's own spread: beyond, the effect is no small correction
 ATTEMPTS = 20
 ALIKE = 1.0  # chi-square between two effects, fitted values free, below which no analysis can tell which one is there
 SEALED = 1_000_000  # seeds from here on are scored once and never looked at while code is written
@@ -105,7 +105,7 @@ def _hidden_case(
     except (ArithmeticError, ValueError):
         return None
     spread = float(np.std(undisturbed, axis=0).max())
-    if not np.all(np.isfinite(clean)) or np.max(np.abs(clean - undisturbed)) > LARGEST_CHANGE * 4 * spread:
+    if not np.all(np.isfinite(clean)) or np.max(np.abs(clean - undisturbed)) > MAX_CHANGE * 4 * spread:
         return None
     observed = NOISES[kind](clean, motion.noise, rng)
     others = _alike(motion, values, t_s, effect, clean - undisturbed, kind) if alike else frozenset()

@@ -33,11 +33,6 @@ class BoardJob:
     board: BoardEntry
 
 
-def files_of_board(job: BoardJob) -> list[str]:
-    """The places of the files of a class below the folder of the measurements."""
-    return [f"{job.class_name}/{NAME}", f"{job.class_name}/{ORIGIN}"]
-
-
 def calibrate_board(folder: Path, job: BoardJob) -> str:
     """Calibrate one class below the folder of the measurements; returns the reason of a failure, else empty."""
     try:

@@ -26,7 +26,6 @@ from iris_sysid.registry import MODELS, PHENOMENA
 from iris_sysid.types import Calibration, Estimate, FitResult, Phenomenon, Track, TrackOptions, Trajectory, Transfer
 from iris_sysid.video.reader import open_video
 
-SUFFIXES = (".json", ".track.csv", ".trajectory.csv")  # of the files of a clip
 FOCAL = 9  # index of the focal lengths among the values of a calibration
 RADIUS, GRAVITY, PROJECTED = "ball_radius", "gravity", "r0_f"
 KNOWN = (GRAVITY, RADIUS, "h0")  # values that fits may use; all others are estimated

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from iris_sysid.benchmark.batch import Batch
@@ -13,11 +13,10 @@ from iris_sysid.benchmark.groundtruth.boards import (
     BoardJob,
     board_of,
     calibrate_board,
-    files_of_board,
     scale_class,
 )
-from iris_sysid.benchmark.groundtruth.clip import KNOWN, SUFFIXES, ClipJob, measure_clip, record_failure
-from iris_sysid.benchmark.parallel import Workers, check_workers, side_by_side
+from iris_sysid.benchmark.groundtruth.clip import KNOWN, ClipJob, measure_clip, record_failure
+from iris_sysid.benchmark.parallel import Workers, check_workers, run_parallel
 from iris_sysid.calibration.calibration_json import read_calibration
 from iris_sysid.calibration.pixel_scale import uncalibrated
 from iris_sysid.errors import DataError, IrisError, OutputError
@@ -43,10 +42,6 @@ class ClipMeasurement:
     clip: Clip
     document: ClipDocument
     folder: Path
-
-    def within(self, root: Path) -> ClipMeasurement:
-        """The same, its files read below another folder of measurements."""
-        return replace(self, folder=root / self.clip.class_name / self.clip.setting)
 
     def trajectory(self) -> Trajectory | None:
         """The fitted observable, read from disk; None for a clip that failed."""
@@ -120,7 +115,7 @@ def measure(
         Of the recording.
     workers
         Number of parallel processes, 0 for this one, or the address or file of a dask scheduler, whose workers find the
-        clips under the same paths.
+        clips and this folder under the same paths.
     progress
         Called with (clips done, total number of clips).
     tell
@@ -140,7 +135,8 @@ def measure(
     """
     conditions, measured, tell = conditions or Conditions(), measured or MeasuredDocument(), tell or _silent
     check_workers(workers)
-    listing, root = list_clips(Path(dataset).absolute()), Path(folder)  # absolute: workers run in folders of their own
+    # absolute: workers run in folders of their own
+    listing, root = list_clips(Path(dataset).absolute()), Path(folder).absolute()
     gaps = {gap.place: gap.reason for gap in listing.gaps}
     chosen = [
         clip for clip in _chosen(listing.clips, conditions.trials) if conditions.phenomenon in (None, clip.phenomenon)
@@ -148,10 +144,7 @@ def measure(
     calibrated = _calibrated(listing, root, measured, chosen, gaps, workers)
     jobs = [_job(clip, root, measured, conditions, clip.class_name in calibrated) for clip in chosen]
     now = 0
-    batch = Batch(
-        root, _measured, _lost, reads=lambda job: files_of(job.clip), last=lambda job: (f"{job.clip.place}.json",)
-    )
-    outcomes = side_by_side(batch, _in_turn(jobs), workers)
+    outcomes = run_parallel(Batch(root, _measured, _lost), _in_turn(jobs), workers)
     for job, (measured_now, reason) in with_progress(outcomes, progress, len(jobs)):
         now += measured_now
         if reason and measured_now:
@@ -203,8 +196,8 @@ def _calibrated(
             raise
         except IrisError as error:
             gaps[board_place] = _no_scale(str(error), listing)
-    batch = Batch(root, calibrate_board, _lost_board, reads=files_of_board, last=files_of_board)
-    for job, reason in side_by_side(batch, jobs, workers):
+    batch = Batch(root, calibrate_board, _lost_board)
+    for job, reason in run_parallel(batch, jobs, workers):
         if reason:
             gaps[f"{job.class_name}/{BOARD}"] = _no_scale(reason, listing)
         else:
@@ -231,13 +224,7 @@ def _job(clip: Clip, root: Path, measured: MeasuredDocument, conditions: Conditi
 
 
 def _measured(folder: Path, job: ClipJob) -> tuple[bool, str]:
-    """Measure a clip with its files in a folder, which on a cluster is another one than the job was made for."""
-    return measure_clip(replace(job, folder=folder))
-
-
-def files_of(clip: Clip) -> list[str]:
-    """The places of a clip's own files, and of the calibration of its class, below the folder of the measurements."""
-    return [f"{clip.class_name}/{NAME}", *(f"{clip.place}{suffix}" for suffix in SUFFIXES)]
+    return measure_clip(job)
 
 
 def _lost(folder: Path, job: ClipJob) -> tuple[bool, str]:

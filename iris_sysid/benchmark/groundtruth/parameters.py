@@ -10,7 +10,6 @@ from iris_sysid.benchmark.dataset import benchmark_classes
 from iris_sysid.benchmark.groundtruth.discrepancies import notes_on
 from iris_sysid.benchmark.groundtruth.measure import ClipMeasurement, Measurements
 from iris_sysid.benchmark.groundtruth.pool import in_published_unit, regenerate
-from iris_sysid.benchmark.groundtruth.recipes import recipes_of
 from iris_sysid.errors import DataError
 from iris_sysid.io.files import origin_of
 from iris_sysid.io.json_documents import plain_origin
@@ -32,7 +31,7 @@ Finder = Callable[[Clips], list[str]]
 def parameters_document(
     measurements: Measurements, measured: MeasuredDocument | None = None, effects: Finder | None = None
 ) -> ParametersDocument:
-    """Pool the clips of each setting, with direct measurements and published recipes beside them.
+    """Pool the clips of each setting, with direct measurements beside them.
 
     Parameters
     ----------
@@ -93,10 +92,9 @@ def _setting(
         stated = direct.get(published_name, direct.get(name))
         if regenerated is None and stated is None:
             continue
-        recipes = recipes_of(clips, name, regenerated, by_hand)
         entry = _entry(published_name, stated, regenerated, _equation(clips))
         notes = notes_on(published_name, regenerated, entry.difference, by_hand)
-        entries[published_name] = entry.model_copy(update={"recipes": recipes, "effects": effect_notes, "notes": notes})
+        entries[published_name] = entry.model_copy(update={"effects": effect_notes, "notes": notes})
     names = {*described.parameters, *described.parameters.values()}
     others = {name: _entry(name, estimate, None, "") for name, estimate in direct.items() if name not in names}
     return entries | others

@@ -1,4 +1,4 @@
-"""Degrade clips: noise, fewer pixels, fewer frames, stronger compression, the benchmark's tensor."""
+"""Degrade clips: noise, fewer pixels, fewer frames, stronger compression."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from iris_sysid.types import Track
 from iris_sysid.video.reader import Video, open_video
-from iris_sysid.video.tensor_writer import SIZE, write_tensor
 
+SIZE = (100, 56)  # px; width and height of the images that the latent pipeline is given
 TICK = Fraction(1, 90_000)  # s; time resolution of the changed file, at most 6 microseconds off the original times
 
 
@@ -28,7 +28,6 @@ class Change:
     ``noise_grey``: standard deviation of the noise added to each channel. ``shrink``: divide each side by this;
     ``size``: resize to this width and height. ``every``: keep only each n-th frame. ``dropped``: fraction of frames
     left out at random, times kept. ``crf``: x264's constant rate factor (23 is usual, 51 the worst); None for lossless.
-    ``tensor``: convert to the benchmark's tensor and back.
     """
 
     noise_grey: float = 0.0
@@ -37,7 +36,6 @@ class Change:
     every: int = 1
     dropped: float = 0.0
     crf: int | None = None
-    tensor: bool = False
 
 
 CHANGES: Mapping[str, Change] = {
@@ -47,7 +45,6 @@ CHANGES: Mapping[str, Change] = {
     "sides / 2": Change(shrink=2),
     "sides / 4": Change(shrink=4),
     "100x56 px": Change(size=SIZE),
-    "tensor 100x56 px": Change(tensor=True),
     "every 2nd frame": Change(every=2),
     "every 6th frame": Change(every=6),
     "10 % of frames dropped": Change(dropped=0.1),
@@ -74,10 +71,6 @@ def changed(clip: str | Path, change: Change, seed: int = 0) -> Iterator[Video]:
     with tempfile.TemporaryDirectory() as folder:
         if change == Change():
             yield video
-        elif change.tensor:
-            path = Path(folder) / "clip.npy"
-            write_tensor(video, path)
-            yield open_video(path)
         else:
             path = Path(folder) / "clip.mp4"
             _write(video, path, change, np.random.default_rng(seed))

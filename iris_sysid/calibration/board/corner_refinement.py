@@ -13,7 +13,7 @@ from iris_sysid.types import Array
 
 # The next corner begins at 1 square, so this much of a square on each side belongs to one corner alone.
 REACH_SQUARES = 0.42
-LARGEST_REACH_PX = 24
+MAX_REACH_PX = 24
 STEPS = 25
 ENOUGH_PX = 1e-4
 SHARPEST_PX = 0.05  # blur of the lens: an edge as sharp as this changes no pixel but those that it crosses
@@ -119,7 +119,7 @@ def _refine_one(
 
 def _patch(grey: NDArray[np.uint8], start: Array, sides: Array, clear: float) -> tuple[Array, Array]:
     """Positions of the pixels near a corner (n, 2), relative to it, and their levels (n,)."""
-    reach = int(min(np.ceil(REACH_SQUARES * np.abs(sides).sum(axis=1).max()), LARGEST_REACH_PX))
+    reach = int(min(np.ceil(REACH_SQUARES * np.abs(sides).sum(axis=1).max()), MAX_REACH_PX))
     column, row = np.round(start).astype(int)
     x = np.arange(max(column - reach, 0), min(column + reach + 1, grey.shape[1]))
     y = np.arange(max(row - reach, 0), min(row + reach + 1, grey.shape[0]))
@@ -145,7 +145,7 @@ def _fit(pixels: Array, levels: Array, params: Array) -> tuple[Array, Array]:
     for _ in range(STEPS):
         step = _step(params, now, damping)
         trial = params + step
-        trial[4:6] = np.clip(trial[4:6], SHARPEST_PX, LARGEST_REACH_PX)
+        trial[4:6] = np.clip(trial[4:6], SHARPEST_PX, MAX_REACH_PX)
         then = _equations(pixels, levels, trial)
         if then.squares < now.squares:
             params, now, damping = trial, then, damping / 5

@@ -19,11 +19,11 @@ Grey = NDArray[np.uint8]
 
 # Longer side of the image that is searched, px: OpenCV's detector misses squares above about 120 px.
 SEARCH_SIDES_PX = (960, 1920)
-SMALLEST_IMAGE_PX = 32  # shorter side: no board is seen in less, and OpenCV fails on images of a few rows
-LARGEST_SIDE_PX = 4096  # of an image searched whole: the slower method takes 60 bytes a px
+MIN_IMAGE_PX = 32  # shorter side: no board is seen in less, and OpenCV fails on images of a few rows
+MAX_SIDE_PX = 4096  # of an image searched whole: the slower method takes 60 bytes a px
 CLASSICAL = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
 SECTORS = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_EXHAUSTIVE
-SMALLEST_SEEN = 12  # inner corners, 4x3: fewer are detected in any cluttered image
+MIN_SEEN = 12  # inner corners, 4x3: fewer are detected in any cluttered image
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -79,14 +79,14 @@ def _grown(grey: Grey, board: Board) -> FoundCorners | None:
 def _scales(grey: Grey, thorough: bool) -> Iterator[tuple[float, Grey]]:
     """The image at each scale that is searched, with the number of original pixels per pixel."""
     longer = max(grey.shape)
-    sides = (*SEARCH_SIDES_PX, min(longer, LARGEST_SIDE_PX)) if thorough else SEARCH_SIDES_PX[:1]
+    sides = (*SEARCH_SIDES_PX, min(longer, MAX_SIDE_PX)) if thorough else SEARCH_SIDES_PX[:1]
     for side in sides:
         if longer <= side:
             yield 1.0, grey
             return
         scale = longer / side
         size = round(grey.shape[1] / scale), round(grey.shape[0] / scale)
-        if min(size) >= SMALLEST_IMAGE_PX:
+        if min(size) >= MIN_IMAGE_PX:
             yield scale, np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), np.uint8)
 
 
@@ -199,7 +199,7 @@ def part_of_board(grey: Grey) -> Array | None:
         return None
     rows, columns = grid.shape[:2]
     part = whole_grid(small, np.asarray(corners, float).reshape(rows, columns, 2))
-    if part.shape[0] * part.shape[1] < SMALLEST_SEEN or not is_board(small, part):
+    if part.shape[0] * part.shape[1] < MIN_SEEN or not is_board(small, part):
         return None
     return (part + 0.5) * scale - 0.5
 

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iris_sysid.calibration.board.board import Board, BoardError, BoardView, shortest_side
-from iris_sysid.calibration.board.corner_refinement import LARGEST_REACH_PX, Saddles, refine_by_model, refine_by_window
+from iris_sysid.calibration.board.corner_refinement import MAX_REACH_PX, Saddles, refine_by_model, refine_by_window
 from iris_sysid.calibration.board.corner_search import (
-    SMALLEST_IMAGE_PX,
+    MIN_IMAGE_PX,
     FoundCorners,
     check_ends,
     locate,
@@ -31,7 +31,7 @@ Image = str | Path | NDArray[np.uint8]
 
 # Beyond this blur (standard deviation, squares) the edges of neighbouring corners run into one another.
 BLUR_LIMIT_SQUARES = 0.2
-SMALLEST_SQUARE_PX = 6.0
+MIN_SQUARE_PX = 6.0
 PNG = b"\x89PNG\r\n\x1a\n"
 MIN_KEPT = 0.8  # smallest fraction of the detected corners to keep
 
@@ -149,7 +149,7 @@ def grey_image(image: Image) -> NDArray[np.uint8]:
             f"an image must be uint8, grey (h, w) or BGR (h, w, 3), not {array.dtype} {array.shape}; convert it first"
         )
     grey = array if array.ndim == 2 else cv2.cvtColor(array, cv2.COLOR_BGR2GRAY)
-    if min(grey.shape) < SMALLEST_IMAGE_PX:
+    if min(grey.shape) < MIN_IMAGE_PX:
         raise CalibrationError(f"an image of {grey.shape[1]}x{grey.shape[0]} px is too small for a board")
     return np.ascontiguousarray(grey)
 
@@ -190,9 +190,9 @@ def _refined(grey: NDArray[np.uint8], rough: FoundCorners, board: Board, name: s
     points = board.points_m / board.square_m
     homography, _ = fit_homography(points[ids], rough_px)
     square_px = shortest_side(apply_homography(homography, points), board)
-    if square_px < SMALLEST_SQUARE_PX:
+    if square_px < MIN_SQUARE_PX:
         raise CalibrationError(
-            f"the squares are only {square_px:.1f} px wide, {SMALLEST_SQUARE_PX:g} are needed; come closer or use a "
+            f"the squares are only {square_px:.1f} px wide, {MIN_SQUARE_PX:g} are needed; come closer or use a "
             "larger board"
         )
     if window_px is not None:
@@ -224,7 +224,7 @@ def _checked(saddles: Saddles, square_px: float) -> NDArray[np.bool_]:
     """True for corners to keep; CalibrationError when the image is blurred or too many corners are lost."""
     kept = np.asarray(np.isfinite(saddles.xy_px).all(axis=1))
     blurs = saddles.blur_px[np.isfinite(saddles.blur_px)]
-    limit_px = BLUR_LIMIT_SQUARES * min(square_px, LARGEST_REACH_PX / 0.42)
+    limit_px = BLUR_LIMIT_SQUARES * min(square_px, MAX_REACH_PX / 0.42)
     if blurs.size and np.median(blurs) > limit_px:
         raise CalibrationError(
             f"the image is blurred: edges of the board are {2 * np.median(blurs):.1f} px wide, at most "

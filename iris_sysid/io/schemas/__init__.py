@@ -10,7 +10,6 @@ from iris_sysid.io.schemas._beside import CameraMotionEntry as CameraMotionEntry
 from iris_sysid.io.schemas._beside import ErrorAutocorrelationEntry as ErrorAutocorrelationEntry
 from iris_sysid.io.schemas._beside import OriginDocument as OriginDocument
 from iris_sysid.io.schemas._beside import Smoothing as Smoothing
-from iris_sysid.io.schemas._beside import TensorDocument as TensorDocument
 from iris_sysid.io.schemas._beside import TrackQualityEntry as TrackQualityEntry
 from iris_sysid.io.schemas._beside import ViewEntry as ViewEntry
 from iris_sysid.io.schemas._classroom import GroupDocument as GroupDocument
@@ -68,7 +67,6 @@ DOCUMENTS: dict[str, type[Document]] = {
     "discovery": DiscoveryDocument,
     "calibration": CalibrationDocument,
     "origin": OriginDocument,
-    "tensor": TensorDocument,
     "plan": PlanDocument,
     "detection-limits": LimitsDocument,
     "group": GroupDocument,

@@ -1,4 +1,4 @@
-"""What a table, a tensor or an image cannot say of itself: origin, tensor, calibration."""
+"""What a table or an image cannot say of itself: origin, calibration."""
 
 from __future__ import annotations
 
@@ -191,26 +191,6 @@ class OriginDocument(Document):
     """What measured a trajectory."""
     view: ViewEntry | None = None
     """How the quantities of a trajectory lie in the image of a camera; null where that is not known."""
-
-
-class TensorDocument(Document):
-    """What a tensor of images cannot say (the .npy.json file beside it)."""
-
-    document: Literal["tensor"] = "tensor"
-    version: Literal[1] = 1
-    shape: Annotated[list[Annotated[int, Field(ge=1)]], Field(min_length=5, max_length=5)]
-    """Windows, frames a window, channels, height and width in px."""
-    time_step_s: Annotated[float, Field(gt=0)] | None
-    """True time between two frames of a window, the median; null where a window has one frame."""
-    time_step_spread_s: Annotated[float, Field(ge=0)] | None
-    """Largest difference from it."""
-    step: Annotated[int, Field(ge=1, le=10_000)]
-    """Frames of the clip from one frame of a window to the next."""
-    stride: Annotated[int, Field(ge=1, le=10_000)]
-    """Frames of the clip from the start of a window to that of the next."""
-    t_s: Annotated[list[float], Field(min_length=1)]
-    """True time of each frame of the clip that is in the tensor, in order."""
-    origin: dict[str, JsonValue] = {}
 
 
 class CalibrationDocument(Document):

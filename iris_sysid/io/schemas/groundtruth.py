@@ -193,23 +193,6 @@ class ClipValue(Part):
     sha256: str | None
 
 
-class Recipe(Part):
-    """The same parameter by the estimator that the publication describes."""
-
-    recipe: str
-    """What it does."""
-    value: Number
-    uncertainty: Number
-    """As the publication states it."""
-    uncertainty_of: str
-    clips: dict[str, Number]
-    bias: Number
-    """Its value less the regenerated one."""
-    bias_uncertainty: Number
-    """Standard uncertainty of that difference."""
-    note: str = ""
-
-
 class RegeneratedValue(ValueEntry):
     """A parameter from the clips of one setting."""
 
@@ -260,7 +243,6 @@ class ParameterEntry(Part):
     """From the clips."""
     difference: ValueEntry | None
     """Regenerated less direct."""
-    recipes: list[Recipe] = Field(default_factory=list)
     effects: list[str] = Field(default_factory=list)
     """What the published equation lacks on these clips, in words."""
     notes: list[str] = Field(default_factory=list)
@@ -272,7 +254,7 @@ class ParametersDocument(Document):
     model_config = ConfigDict(extra="allow")
 
     document: Literal["parameters"] = "parameters"
-    version: Literal[1] = 1
+    version: Literal[2] = 2
     gaps: dict[str, str]
     """What is missing or was left out, and why."""
     origin: dict[str, JsonValue]

@@ -19,7 +19,7 @@ STANDARD_GRAVITY = 9.80665  # m/s^2
 OFF = 1.2  # ratio of two lengths that common sense allows beside the stated errors
 BOW = 0.01  # bow of a straight line over its length, by a lens or a camera that is not square to the plane
 SLOW_MOTION = 3.0  # ratio of two lengths beyond which the clock is more likely wrong than the scale
-LARGEST_M, SMALLEST_M = 0.5, 1e-3  # diameter of a body that people drop, throw or hang on a cord
+MAX_M, MIN_M = 0.5, 1e-3  # diameter of a body that people drop, throw or hang on a cord
 SIZE_OFF = 2.0  # ratio of a stated radius to the tracked one: a tracker sees an edge, a shadow, part of a body
 RATES_HZ = (24, 25, 30, 50, 60, 90, 100, 120, 200, 240, 300, 400, 480, 500, 600, 960, 1000)
 NEAR_RATE = 0.08  # natural logarithm
@@ -76,8 +76,8 @@ def gravity_doubts(
         if stated is not None and size is not None and _beyond(size / (2 * stated.value), SIZE_OFF, 0.0):
             shown = f"by gravity the body is {size:.3g} m across, not {2 * stated.value:.3g} m"
             return (_doubt(size / (2 * stated.value), rate_hz, shown),)
-        if size is not None and not SMALLEST_M < size < LARGEST_M:
-            way = "slow motion? the clock seems too slow" if size > LARGEST_M else "the clock seems too fast"
+        if size is not None and not MIN_M < size < MAX_M:
+            way = "slow motion? the clock seems too slow" if size > MAX_M else "the clock seems too fast"
             finding = f"{way}: by gravity the body is {size:.3g} m across"
             return (Doubt("clock", finding, "give the true frame rate with --fps, or the scale with --scale"),)
     return ()

@@ -68,7 +68,7 @@ def fitted(
 ) -> Fit | None:
     """The map from points (n, 2) px to their places (n, 2) px by weighted least squares; None where they are too few.
 
-    Tukey's weights leave out what moves otherwise. Covariance robust to clusters: errors of points in one tile of
+    Tukey's weights leave out points that move otherwise. Covariance robust to clusters: errors of points in one tile of
     the image are alike (compression, light, depth).
 
     Parameters

@@ -102,7 +102,7 @@ def _explained(
 def in_reference(track: Track, steady: SteadyVideo) -> Track:
     """A track of the steady clip in px of the first frame, with the motion and its error.
 
-    A sample in which the edge of its own frame cuts the body is a gap: what lies beyond was put there.
+    A sample in which the edge of its own frame cuts the body is a gap: the pixels beyond were put there.
     """
     canvas, motion = steady.canvas, steady.motion
     xy_px = track.xy_px + np.array([canvas.left, canvas.top])

@@ -39,7 +39,7 @@ MIN_FRAMES = 5  # in which a point must be seen to be given its own place
 # without loss, 0.35 at 0.1 bits a pixel, 0.5 at 0.03. Where the camera drifts slowly these quarters last for some
 # frames, and the scatter in time does not show them
 COMMON = 0.35
-# differences of the shift from frame to frame: what such high ones show is no hand's motion (up to 8 Hz at 30 frames/s)
+# differences of the shift from frame to frame: such high ones do not show a hand's motion (up to 8 Hz at 30 frames/s)
 ORDERS = (8, 12)
 REPORT_EVERY = 10  # frames between two calls of the progress function
 NEAR_PX = 30.0  # of the reduced image: how far a point may be from where the last frame had it
@@ -188,7 +188,7 @@ class Registration:
 def scatter_in_time(shifts: Array) -> Array:
     """Standard deviation (2,) of errors of shifts (n, 2) px that are independent from frame to frame.
 
-    By differences of high order, in which a smooth motion hardly shows: an error of each frame shows in one of order m
+    By differences of high order, where a smooth motion vanishes: an error of each frame shows in one of order m
     with the variance of the sum of the squares of its binomial coefficients. Zero where there are too few frames.
     """
     if len(shifts) < 2 * ORDERS[-1]:

@@ -28,7 +28,7 @@ class CameraReport:
 def steadied(video: FrameSource, progress: Progress | None = None) -> tuple[FrameSource, CameraMotion | None]:
     """The clip as a camera that stands still would show it, and the motion that was taken out.
 
-    Whether the camera moves is told by sampled frames. Where it does, one pass over the clip registers every frame to
+    Sampled frames tell whether the camera moves. Where it does, one pass over the clip registers every frame to
     the first by points of the background (Lucas and Kanade 1981), whose coordinates all positions then have.
 
     Parameters

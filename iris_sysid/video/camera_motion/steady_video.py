@@ -72,7 +72,7 @@ class _Fill:
 
 @dataclass(eq=False)
 class OnCanvas(ABC):
-    """A FrameSource whose frames are moved onto a canvas, px of which do not move with the camera."""
+    """A FrameSource whose frames are moved onto a canvas whose px do not move with the camera."""
 
     video: FrameSource
     motion: CameraMotion

@@ -87,7 +87,7 @@ def corners(image: Bytes, count: int) -> Array:
 def _apart(
     numbers: NDArray[np.intp], columns: NDArray[np.intp], rows: NDArray[np.intp], spacing: float, most: int
 ) -> NDArray[np.intp]:
-    """The first of some points, at most so many, that are at least ``spacing`` px apart."""
+    """The first ``most`` points that are at least ``spacing`` px apart."""
     kept: list[int] = []
     for number in numbers[: LOOK_AT * most]:
         near = [abs(columns[k] - columns[number]) < spacing and abs(rows[k] - rows[number]) < spacing for k in kept]
