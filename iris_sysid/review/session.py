@@ -201,6 +201,10 @@ class Session:
             self._read[file] = tuple(read_track(self.folder / file))
         return self._read[file]
 
+    def keep_tracks(self, file: str, tracks: Sequence[Track]) -> None:
+        """Say what the tracks in a ``file`` of the folder are, where they are at hand: it is not read then."""
+        self._read[file] = tuple(tracks)
+
     # ----------------------------------------------------------------------- fit
 
     def _run_of(self, state: ReviewState, is_old: Callable[[], bool]) -> Run | None:

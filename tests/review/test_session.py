@@ -417,3 +417,12 @@ def test_port_that_is_taken_is_reported():
 
     with listen(0) as taken, pytest.raises(OutputError, match="--port"):
         listen(taken.getsockname()[1])
+
+
+def test_opened_run_keeps_a_copy_of_its_track_that_reads_the_same(session, project, opened):
+    copy, table = project / "out" / "review-track-1.csv", project / "out" / "track.csv"
+    assert copy.read_bytes() == table.read_bytes()
+    (again,) = opened(project / "out").state.tracks
+    (track,) = session.state.tracks
+    assert np.array_equal(again.xy_px, track.xy_px, equal_nan=True)
+    assert again.origin == track.origin
