@@ -114,7 +114,7 @@ def test_nothing_is_cut_on_a_phone(tmp_path):
         browser.get(page.as_uri())
         assert browser.execute_script("return document.documentElement.scrollWidth") <= 400
         cut = (
-            "return [...document.querySelectorAll('.scroll, td')].filter(one => one.scrollWidth > one.clientWidth + 1)"
+            "return [...document.querySelectorAll('.scroll, td')].filter(b => b.scrollWidth > b.clientWidth + 1)"
         )
         assert browser.execute_script(cut) == []
 
