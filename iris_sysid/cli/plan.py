@@ -89,7 +89,9 @@ def plan(
     if to is not None:
         _before_any_clip(to, phenomenon, known or [], (distance, fps, noise_px), output, force, json)
     elif diagnosis is None or not clips:
-        raise typer.BadParameter("give a diagnosis and its clips, or --phenomenon and --to")
+        raise typer.BadParameter(
+            "give a diagnosis and its clips (iris-sysid plan out/diagnosis out), or --phenomenon and --to"
+        )
     else:
         asked = (name or [], cost or [], precise or [])
         from iris_sysid.cli import _records
@@ -111,9 +113,11 @@ def _after_a_clip(
     json: bool,
 ) -> None:
     """Rank the changes; ``asked``: names, costs and precisions as typed, ``made``: a new clip and its change."""
+    from iris_sysid.benchmark.clip_folders import tables_in
     from iris_sysid.io.json_documents import document_text
 
     _check_folder(output, force)
+    clips = [table for clip in clips for table in tables_in(clip)]
     filmed, change = made
     stated, costs, errors = _stated(change), dict(map(_number, asked[1])), dict(map(_error, asked[2]))
     document = _diagnosed(diagnosis)

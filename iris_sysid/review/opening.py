@@ -10,6 +10,7 @@ from typing import Any
 from iris_sysid.calibration.calibration_json import read_calibration, write_calibration
 from iris_sysid.errors import DataError
 from iris_sysid.io.archives import member_of
+from iris_sysid.io.clip_place import places_of, way_to
 from iris_sysid.io.csv_read import SIDE_CAR, read_track, side_car_of
 from iris_sysid.io.csv_write import write_track
 from iris_sysid.io.files import check_writable, read_file, write_atomic
@@ -129,20 +130,12 @@ def _begin(session: Session, request: ReviewRequest) -> None:
     if request.calibration is not None:
         write_calibration(request.calibration, session.folder / CALIBRATION, overwrite=True)
     header = {
-        "clip": _relative(session.clip, session.folder),
+        "clip": way_to(session.clip, session.folder),
         "size": clip_stamp(session.clip)[1],
         "calibration": None if request.calibration is None else CALIBRATION,
         "request": _plain(request),
     }
     session.record_in(LogWriter(session.folder / LOG_NAME, header))
-
-
-def _relative(clip: Path, folder: Path) -> str:
-    """The way from the folder to the clip; the whole path where there is none, as between drives of Windows."""
-    try:
-        return os.path.relpath(clip, folder)
-    except ValueError:
-        return str(clip.resolve())
 
 
 def _plain(request: ReviewRequest) -> dict[str, Any]:
@@ -163,8 +156,7 @@ def _found(folder: Path, recorded: str) -> Path:
     name = Path(recorded).name
     if not name:
         raise DataError(f"{folder} does not say which clip it is of; give it with --clip")
-    places = [folder / recorded, folder.parent / name, folder / name, Path(name)]
-    found = next((place for place in places if member_of(place)[0].exists()), None)
+    found = next((place for place in places_of(folder, recorded) if member_of(place)[0].exists()), None)
     if found is None:
         raise DataError(f"the clip {name} of {folder} is neither beside it nor in it; say where it is with --clip")
     return Path(os.path.normpath(found))

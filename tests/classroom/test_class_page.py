@@ -113,9 +113,7 @@ def test_nothing_is_cut_on_a_phone(tmp_path):
         browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
         browser.get(page.as_uri())
         assert browser.execute_script("return document.documentElement.scrollWidth") <= 400
-        cut = (
-            "return [...document.querySelectorAll('.scroll, td')].filter(b => b.scrollWidth > b.clientWidth + 1)"
-        )
+        cut = "return [...document.querySelectorAll('.scroll, td')].filter(b => b.scrollWidth > b.clientWidth + 1)"
         assert browser.execute_script(cut) == []
 
 

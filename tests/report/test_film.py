@@ -9,6 +9,7 @@ import pytest
 
 from iris_sysid import MODELS, fit, read_trajectory, run, save
 from iris_sysid.benchmark.diagnose_each import DiagnoseEach, DiagnosisRequest, NamedTable
+from iris_sysid.io.clip_place import CLIP_PLACE
 from iris_sysid.report import film as film_module
 from iris_sysid.report.film import Footage, film_of, footage_of_table, model_px
 from iris_sysid.types import Quantity, Track, Trajectory
@@ -157,6 +158,7 @@ def test_page_of_each_clip_of_a_batch_shows_its_film(saved):
 def test_another_clip_of_the_same_name_is_not_taken(saved, still_clip):
     trajectory = read_trajectory(saved / "out" / "trajectory.csv")
     (saved / "pendulum.mp4").write_bytes(still_clip.read_bytes())
+    (saved / "out" / CLIP_PLACE).unlink()
     assert footage_of_table(saved / "out", trajectory) is None
 
 

@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 from iris_sysid.errors import DataError, OutputError
-from iris_sysid.io.csv_read import read_track
+from iris_sysid.io.clip_place import write_clip_place
+from iris_sysid.io.csv_read import read_track, read_trajectory
 from iris_sysid.io.json_documents import read_document
 from iris_sysid.io.schemas import FitDocument
+from iris_sysid.report.film import footage_of_table
 from iris_sysid.review.opening import open_clip, open_result
 from iris_sysid.review.request import ReviewRequest
 from tests.conftest import listing
@@ -426,3 +428,11 @@ def test_opened_run_keeps_a_copy_of_its_track_that_reads_the_same(session, proje
     (track,) = session.state.tracks
     assert np.array_equal(again.xy_px, track.xy_px, equal_nan=True)
     assert again.origin == track.origin
+
+
+def test_result_that_lies_elsewhere_than_its_clip_is_opened(project, tmp_path, opened):
+    folder = tmp_path / "results" / "one"
+    shutil.copytree(project / "out", folder)
+    write_clip_place(project / "pendulum.mp4", folder, overwrite=True)
+    assert opened(folder).clip.samefile(project / "pendulum.mp4")
+    assert footage_of_table(folder, read_trajectory(folder / "trajectory.csv")) is not None
