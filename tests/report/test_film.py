@@ -135,8 +135,10 @@ def test_clip_without_a_body_has_no_film():
 
 @pytest.fixture
 def saved(measured, pendulum_clip, tmp_path):
+    """A run and a copy of its clip beside it, which alone is near."""
     save(measured, tmp_path / "out")
     (tmp_path / "pendulum.mp4").write_bytes(pendulum_clip.read_bytes())
+    (tmp_path / "out" / CLIP_PLACE).unlink()
     return tmp_path
 
 
@@ -158,7 +160,6 @@ def test_page_of_each_clip_of_a_batch_shows_its_film(saved):
 def test_another_clip_of_the_same_name_is_not_taken(saved, still_clip):
     trajectory = read_trajectory(saved / "out" / "trajectory.csv")
     (saved / "pendulum.mp4").write_bytes(still_clip.read_bytes())
-    (saved / "out" / CLIP_PLACE).unlink()
     assert footage_of_table(saved / "out", trajectory) is None
 
 
