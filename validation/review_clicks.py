@@ -2,9 +2,10 @@
 
 ``python -m validation.review_clicks`` prints a row a clip: the usable marks (body free and in view) on the body without
 a click and after the clicks, and the clicks made. The person goes to a marked frame that is wrong, first to one that
-the review asks about, shows the body there ("This is the body") and tracks again. What does not help is undone and
-counts all the same; then the thing that was followed is said to be no body. Frames in which something was clicked are
-left out of the score. ``--split sealed`` is for clips that nobody has looked at.
+the review asks about, shows the body there ("This is the body") and tracks again. A body that is not found but was
+marked at one place in the frames around is placed there once, "it rests while not found". What does not help is undone
+and counts all the same; then the thing that was followed is said to be no body. Frames in which something was clicked
+are left out of the score. ``--split sealed`` is for clips that nobody has looked at.
 """
 
 from __future__ import annotations
@@ -17,7 +18,9 @@ import numpy as np
 import pandas as pd
 
 from iris_sysid.errors import IrisError
+from iris_sysid.review.corrected_tracks import corrected
 from iris_sysid.review.doubtful_frames import questions_of
+from iris_sysid.review.edits import Place
 from iris_sysid.review.request import ReviewRequest
 from iris_sysid.review.session import followed
 from iris_sysid.types import Track, TrackMark, TrackOptions
@@ -29,11 +32,15 @@ CLICKS = 5
 
 @dataclass(frozen=True, slots=True)
 class Shown:
-    """What a person sees after tracking: the marked table with ``x``, ``y`` of the track, ``wrong`` and ``asked``."""
+    """What a person sees after tracking: the marked table with ``x``, ``y`` of the track, ``wrong`` and ``asked``.
+
+    ``placed`` are points of bodies at rest, which stay when the tracker is run again.
+    """
 
     request: ReviewRequest
     tracks: tuple[Track, ...]
     table: pd.DataFrame
+    placed: tuple[Place, ...] = ()
 
     @property
     def n_wrong(self) -> int:
@@ -61,12 +68,17 @@ def reviewed(clip: MarkedClip) -> Outcome:
         row = _looked_at(shown.table, clicked)
         if row is None:
             break
-        request, cost, frames = _clicked(shown, row, marks, show=turn % 2 == 0)
+        resting = _rests(shown, row) if turn % 2 == 0 else None
+        if resting is None:
+            request, cost, frames = _clicked(shown, row, marks, show=turn % 2 == 0)
+            placed = shown.placed
+        else:
+            request, cost, frames, placed = shown.request, 1, {resting.frame}, (*shown.placed, resting)
         if clicks + cost > CLICKS:
             break
         clicks += cost
         clicked |= frames
-        new = _tracked(clip, marks, request)
+        new = _tracked(clip, marks, request, placed)
         better = new.n_wrong < shown.n_wrong
         shown, turn = (new, 0) if better else (shown, turn + 1)
     rest = ~shown.table["frame"].isin(clicked)
@@ -74,10 +86,12 @@ def reviewed(clip: MarkedClip) -> Outcome:
     return Outcome(int((shown.table["state"] == "free").sum()), before, after, clicks)
 
 
-def _tracked(clip: MarkedClip, marks: pd.DataFrame, request: ReviewRequest) -> Shown:
+def _tracked(clip: MarkedClip, marks: pd.DataFrame, request: ReviewRequest, placed: tuple[Place, ...] = ()) -> Shown:
     video = open_video(clip.path)
     try:
         tracks = tuple(followed(video, request, request.track_options))
+        for place in placed:
+            tracks = corrected(tracks, place)
     except IrisError:
         tracks = ()
     questions = [one for one in questions_of(tracks, image_size=(video.width, video.height)) if not one.doubts]
@@ -90,8 +104,8 @@ def _tracked(clip: MarkedClip, marks: pd.DataFrame, request: ReviewRequest) -> S
         body = left.pop(best).body if left else ""
         held = [(one.first, one.last) for one in questions if one.body == body]
         table["asked"] = [any(low <= frame <= high for low, high in held) for frame in table["frame"]]
-        parts.append(table.assign(body=str(name)))
-    return Shown(request, tracks, pd.concat(parts, ignore_index=True))
+        parts.append(table.assign(body=str(name), track=body))
+    return Shown(request, tracks, pd.concat(parts, ignore_index=True), placed)
 
 
 def _compared(track: Track | None, rows: pd.DataFrame, width: int) -> pd.DataFrame:
@@ -112,6 +126,20 @@ def _looked_at(table: pd.DataFrame, clicked: set[int]) -> pd.Series | None:
     asked = wrong[wrong["asked"]]
     rows = wrong if asked.empty else asked
     return rows.iloc[len(rows) // 2]
+
+
+def _rests(shown: Shown, row: pd.Series) -> Place | None:
+    """The point of a body at rest: not found here, and marked at the same place in a frame beside, not found there."""
+    if row["state"] != "free" or np.isfinite(row["x"]) or not row["track"]:
+        return None
+    own = shown.table[(shown.table["body"] == row["body"]) & (shown.table["state"] == "free")].reset_index(drop=True)
+    at = int(np.flatnonzero(own["frame"] == row["frame"])[0])
+    beside = own.iloc[[k for k in (at - 1, at + 1) if 0 <= k < len(own)]]
+    off = np.hypot(beside["x_px"] - row["x_px"], beside["y_px"] - row["y_px"])
+    if not ((off < row["radius_px"] / 2) & ~np.isfinite(beside["x"])).any():
+        return None
+    frame = int(row["frame"])
+    return Place(body=str(row["track"]), frame=frame, x=float(row["x_px"]), y=float(row["y_px"]), at_rest=True)
 
 
 def _clicked(shown: Shown, row: pd.Series, marks: pd.DataFrame, show: bool) -> tuple[ReviewRequest, int, set[int]]:
