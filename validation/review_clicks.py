@@ -22,7 +22,7 @@ from iris_sysid.review.corrected_tracks import corrected
 from iris_sysid.review.doubtful_frames import questions_of
 from iris_sysid.review.edits import Place
 from iris_sysid.review.request import ReviewRequest
-from iris_sysid.review.session import followed
+from iris_sysid.review.session import followed, marked_all
 from iris_sysid.types import Track, TrackMark, TrackOptions
 from iris_sysid.video.reader import open_video
 from validation.real_marks import ENOUGH, MIN_PX, OF_WIDTH, MarkedClip, at_frames, marked_clips
@@ -148,14 +148,16 @@ def _clicked(shown: Shown, row: pd.Series, marks: pd.DataFrame, show: bool) -> t
     if (not show or row["state"] != "free") and np.isfinite(row["x"]):
         ignored = (*request.ignored, TrackMark("", float(row["x"]), float(row["y"]), int(row["frame"])))
         return replace(request, ignored=ignored), 1, {int(row["frame"])}
-    new = [TrackMark(str(row["body"]), float(row["x_px"]), float(row["y_px"]), int(row["frame"]))]
-    named = {mark.body for mark in (*request.tracking.marks, *new)}
+    named = str(row["track"] or row["body"])
+    new = [TrackMark(named, float(row["x_px"]), float(row["y_px"]), int(row["frame"]))]
+    tracking = marked_all(replace(request.tracking, marks=(*request.tracking.marks, *new)), shown.tracks)
+    there = {mark.body for mark in tracking.marks}
     free = marks[marks["state"] == "free"].astype({"body": str})
-    for body, rows in free.groupby("body"):
-        if body not in named:  # the tracker wants every body marked, or none
+    for body, rows in free.groupby("body") if len(there) < request.tracking.bodies else ():
+        if body not in there:  # without a track to take a mark from
             nearest = rows.iloc[int(np.argmin(np.abs(rows["frame"].to_numpy() - row["frame"])))]
             new.append(TrackMark(str(body), float(nearest["x_px"]), float(nearest["y_px"]), int(nearest["frame"])))
-    tracking = replace(request.tracking, marks=(*request.tracking.marks, *new))
+    tracking = replace(tracking, marks=tuple(dict.fromkeys([*tracking.marks, *new])))
     return replace(request, tracking=tracking), len(new), {mark.frame for mark in new}
 
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 # Every command in the order of the help: its module (with a function of the same name), and its sentence in the help.
 # A test checks that the sentences equal the first sentences of the functions' docstrings.
 COMMANDS = {
-    "run": ("run", "Run the whole chain on one clip."),
+    "run": ("run", "Measure one clip: follow the body, fit its equation, write a report."),
     "review": ("review", "Correct a track in the browser, frame by frame, and see the fit follow."),
     "calibrate": ("calibrate", "Calibrate camera and plane of motion."),
     "frame": ("frame", "Draw one frame of a clip with a grid of pixel coordinates, for marks, scale bars and regions."),

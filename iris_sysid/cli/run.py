@@ -36,7 +36,7 @@ def run(
     json: Json = False,
     strict: Strict = False,
 ) -> None:
-    """Run the whole chain on one clip. Track, calibrate, segment, smooth, fit, report.
+    """Measure one clip: follow the body, fit its equation, write a report.
 
     \b
     Example:

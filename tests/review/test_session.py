@@ -4,6 +4,7 @@ import json
 import os
 import shutil
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,8 +17,11 @@ from iris_sysid.io.schemas import FitDocument
 from iris_sysid.report.film import footage_of_table
 from iris_sysid.review.opening import open_clip, open_result
 from iris_sysid.review.request import ReviewRequest
+from iris_sysid.review.session import marked_all
+from iris_sysid.types import TrackMark, TrackOptions
 from tests.conftest import listing
 from tests.review.conftest import page_of
+from tests.review.test_doubtful_frames import swing
 
 
 def track_of(state, body="1"):
@@ -436,3 +440,18 @@ def test_result_that_lies_elsewhere_than_its_clip_is_opened(project, tmp_path, o
     write_clip_place(project / "pendulum.mp4", folder, overwrite=True)
     assert opened(folder).clip.samefile(project / "pendulum.mp4")
     assert footage_of_table(folder, read_trajectory(folder / "trajectory.csv")) is not None
+
+
+def test_body_that_is_marked_alone_has_the_others_marked_where_they_are_followed():
+    one, other = swing(body="1"), swing(body="2")
+    mark = TrackMark("1", 50.0, 60.0, 80)
+    options = marked_all(TrackOptions(bodies=2, marks=(mark,)), (one, other))
+    assert options.marks[0] == mark
+    (found,) = options.marks[1:]
+    row = int(np.flatnonzero(other.frame == 80)[0])
+    assert (found.body, found.frame) == ("2", 80)
+    assert (found.x_px, found.y_px) == tuple(other.xy_px[row])
+    lost = replace(other, valid=other.frame > 100)
+    assert marked_all(TrackOptions(bodies=2, marks=(mark,)), (one, lost)).marks[1].frame == 101
+    assert marked_all(TrackOptions(bodies=2), (one, other)).marks == ()
+    assert marked_all(TrackOptions(bodies=1, marks=(mark,)), (one, other)).marks == (mark,)
