@@ -3,7 +3,8 @@
 ``python -m validation.review_clicks`` prints a row a clip: the usable marks (body free and in view) on the body without
 a click and after the clicks, and the clicks made. The person goes to a marked frame that is wrong, first to one that
 the review asks about, shows the body there ("This is the body") and tracks again. A body that is not found but was
-marked at one place in the frames around is placed there once, "it rests while not found". What does not help is undone
+marked at one place in the frames around is placed there once, "it rests while not found"; two tracks that follow each
+other's body are exchanged from the frame on in which they began to ("Swap", a click each). What does not help is undone
 and counts all the same; then the thing that was followed is said to be no body. Frames in which something was clicked
 are left out of the score. ``--split sealed`` is for clips that nobody has looked at.
 """
@@ -20,7 +21,7 @@ import pandas as pd
 from iris_sysid.errors import IrisError
 from iris_sysid.review.corrected_tracks import corrected
 from iris_sysid.review.doubtful_frames import questions_of
-from iris_sysid.review.edits import Place
+from iris_sysid.review.edits import Place, Swap
 from iris_sysid.review.request import ReviewRequest
 from iris_sysid.review.session import followed, marked_all
 from iris_sysid.types import Track, TrackMark, TrackOptions
@@ -34,13 +35,15 @@ CLICKS = 5
 class Shown:
     """What a person sees after tracking: the marked table with ``x``, ``y`` of the track, ``wrong`` and ``asked``.
 
-    ``placed`` are points of bodies at rest, which stay when the tracker is run again.
+    ``placed`` are points of bodies at rest, which stay when the tracker is run again; ``size`` is that of the images,
+    px.
     """
 
     request: ReviewRequest
     tracks: tuple[Track, ...]
     table: pd.DataFrame
     placed: tuple[Place, ...] = ()
+    size: tuple[int, int] = (0, 0)
 
     @property
     def n_wrong(self) -> int:
@@ -78,7 +81,8 @@ def reviewed(clip: MarkedClip) -> Outcome:
             break
         clicks += cost
         clicked |= frames
-        new = _tracked(clip, marks, request, placed)
+        new, swaps = _exchanged(_tracked(clip, marks, request, placed), marks, CLICKS - clicks)
+        clicks += swaps
         better = new.n_wrong < shown.n_wrong
         shown, turn = (new, 0) if better else (shown, turn + 1)
     rest = ~shown.table["frame"].isin(clicked)
@@ -94,18 +98,52 @@ def _tracked(clip: MarkedClip, marks: pd.DataFrame, request: ReviewRequest, plac
             tracks = corrected(tracks, place)
     except IrisError:
         tracks = ()
-    questions = [one for one in questions_of(tracks, image_size=(video.width, video.height)) if not one.doubts]
+    return _seen(tracks, marks, Shown(request, tracks, marks, placed, (video.width, video.height)))
+
+
+def _seen(tracks: tuple[Track, ...], marks: pd.DataFrame, before: Shown) -> Shown:
+    """Tracks as a person sees them; ``before`` has the request."""
+    questions = [one for one in questions_of(tracks, image_size=before.size) if not one.doubts]
     parts = []
     left = list(tracks)
     for name, rows in marks.groupby("body"):
-        compared = [_compared(track, rows, video.width) for track in left] or [_compared(None, rows, video.width)]
+        compared = [_compared(track, rows, before.size[0]) for track in left]
+        compared = compared or [_compared(None, rows, before.size[0])]
         best = min(range(len(compared)), key=lambda k: compared[k]["wrong"].sum())
         table = compared[best]
         body = left.pop(best).body if left else ""
         held = [(one.first, one.last) for one in questions if one.body == body]
         table["asked"] = [any(low <= frame <= high for low, high in held) for frame in table["frame"]]
         parts.append(table.assign(body=str(name), track=body))
-    return Shown(request, tracks, pd.concat(parts, ignore_index=True), placed)
+    return replace(before, tracks=tracks, table=pd.concat(parts, ignore_index=True))
+
+
+def _exchanged(shown: Shown, marks: pd.DataFrame, most: int) -> tuple[Shown, int]:
+    """The tracks after at most so many exchanges of two of them, each of which helps; and how many these are."""
+    for count in range(most):
+        tried = [_seen(corrected(shown.tracks, swap), marks, shown) for swap in _swaps(shown)]
+        best = min(tried, key=lambda one: one.n_wrong, default=shown)
+        if best.n_wrong >= shown.n_wrong:
+            return shown, count
+        shown = best
+    return shown, most
+
+
+def _swaps(shown: Shown) -> Iterator[Swap]:
+    """Exchanges that would put right what is seen in a wrong frame: another track is on the body."""
+    frames = {track.body: track.frame for track in shown.tracks}
+    for _, own in shown.table[shown.table["state"] == "free"].groupby("body"):
+        wrong = own["wrong"].to_numpy()
+        for k in np.flatnonzero(wrong):
+            first = k - int(np.argmin(wrong[: k + 1][::-1])) if not wrong[: k + 1].all() else -1
+            last = k + int(np.argmin(wrong[k:])) - 1 if not wrong[k:].all() else len(wrong) - 1
+            begin = own["frame"].iloc[first if first >= 0 else last] + 1  # after the last right mark, or the last wrong
+            for other in shown.tracks:
+                at = _compared(other, own.iloc[int(k) : int(k) + 1], shown.size[0])
+                named = str(own["track"].iloc[k])
+                alike = named not in ("", other.body) and np.array_equal(frames[named], other.frame)
+                if alike and at["met"].iloc[0]:
+                    yield Swap(body=named, other=other.body, frame=int(begin))
 
 
 def _compared(track: Track | None, rows: pd.DataFrame, width: int) -> pd.DataFrame:
