@@ -12,6 +12,7 @@ import numpy as np
 from iris_sysid.calibration.pixel_scale import MARK_SIGMA_PX, scale, scale_from_text, to_world, uncalibrated
 from iris_sysid.calibration.plane import check_image_size
 from iris_sysid.errors import CalibrationError, DataError, UnknownNameError
+from iris_sysid.io.clip_place import CLIP_PLACE, write_clip_place
 from iris_sysid.io.files import check_writable, origin_of
 from iris_sysid.registry import MODELS, PHENOMENA, TRACKERS
 from iris_sysid.types import (
@@ -31,7 +32,7 @@ from iris_sysid.types import (
 )
 from iris_sysid.video.reader import Video, open_video
 
-FILES = ("track.csv", "trajectory.csv", "fit.json", "track.png", "fit.png", "report.html")
+FILES = (CLIP_PLACE, "track.csv", "trajectory.csv", "fit.json", "track.png", "fit.png", "report.html")
 AUTO = "auto"  # the tracker that chooses another one, and binds tracks to marks
 WHOLE_CLIP = ClipOptions()
 NO_GEOMETRY = GeometryOptions()
@@ -558,6 +559,7 @@ def save(result: Run, folder: str | Path, *, overwrite: bool = False) -> Path:
     from iris_sysid.report.clip_page import write_report
 
     folder = check_folder(folder, overwrite=overwrite)
+    write_clip_place(result.source, folder, overwrite=overwrite)
     write_track(result.tracks, folder / "track.csv", overwrite=overwrite)
     write_trajectory(result.trajectory, folder / "trajectory.csv", overwrite=overwrite)
     write_fit(result.fit, result.trajectory, folder / "fit.json", overwrite=overwrite)

@@ -2,9 +2,11 @@
 
 ``python -m validation.review_clicks`` prints a row a clip: the usable marks (body free and in view) on the body without
 a click and after the clicks, and the clicks made. The person goes to a marked frame that is wrong, first to one that
-the review asks about, shows the body there ("This is the body") and tracks again. What does not help is undone and
-counts all the same; then the thing that was followed is said to be no body. Frames in which something was clicked are
-left out of the score. ``--split sealed`` is for clips that nobody has looked at.
+the review asks about, shows the body there ("This is the body") and tracks again. A body that is not found but was
+marked at one place in the frames around is placed there once, "it rests while not found"; two tracks that follow each
+other's body are exchanged from the frame on in which they began to ("Swap", a click each). What does not help is undone
+and counts all the same; then the thing that was followed is said to be no body. Frames in which something was clicked
+are left out of the score. ``--split sealed`` is for clips that nobody has looked at.
 """
 
 from __future__ import annotations
@@ -17,9 +19,11 @@ import numpy as np
 import pandas as pd
 
 from iris_sysid.errors import IrisError
+from iris_sysid.review.corrected_tracks import corrected
 from iris_sysid.review.doubtful_frames import questions_of
+from iris_sysid.review.edits import Place, Swap
 from iris_sysid.review.request import ReviewRequest
-from iris_sysid.review.session import followed
+from iris_sysid.review.session import followed, marked_all
 from iris_sysid.types import Track, TrackMark, TrackOptions
 from iris_sysid.video.reader import open_video
 from validation.real_marks import ENOUGH, MIN_PX, OF_WIDTH, MarkedClip, at_frames, marked_clips
@@ -29,11 +33,17 @@ CLICKS = 5
 
 @dataclass(frozen=True, slots=True)
 class Shown:
-    """What a person sees after tracking: the marked table with ``x``, ``y`` of the track, ``wrong`` and ``asked``."""
+    """What a person sees after tracking: the marked table with ``x``, ``y`` of the track, ``wrong`` and ``asked``.
+
+    ``placed`` are points of bodies at rest, which stay when the tracker is run again; ``size`` is that of the images,
+    px.
+    """
 
     request: ReviewRequest
     tracks: tuple[Track, ...]
     table: pd.DataFrame
+    placed: tuple[Place, ...] = ()
+    size: tuple[int, int] = (0, 0)
 
     @property
     def n_wrong(self) -> int:
@@ -61,12 +71,18 @@ def reviewed(clip: MarkedClip) -> Outcome:
         row = _looked_at(shown.table, clicked)
         if row is None:
             break
-        request, cost, frames = _clicked(shown, row, marks, show=turn % 2 == 0)
+        resting = _rests(shown, row) if turn % 2 == 0 else None
+        if resting is None:
+            request, cost, frames = _clicked(shown, row, marks, show=turn % 2 == 0)
+            placed = shown.placed
+        else:
+            request, cost, frames, placed = shown.request, 1, {resting.frame}, (*shown.placed, resting)
         if clicks + cost > CLICKS:
             break
         clicks += cost
         clicked |= frames
-        new = _tracked(clip, marks, request)
+        new, swaps = _exchanged(_tracked(clip, marks, request, placed), marks, CLICKS - clicks)
+        clicks += swaps
         better = new.n_wrong < shown.n_wrong
         shown, turn = (new, 0) if better else (shown, turn + 1)
     rest = ~shown.table["frame"].isin(clicked)
@@ -74,24 +90,60 @@ def reviewed(clip: MarkedClip) -> Outcome:
     return Outcome(int((shown.table["state"] == "free").sum()), before, after, clicks)
 
 
-def _tracked(clip: MarkedClip, marks: pd.DataFrame, request: ReviewRequest) -> Shown:
+def _tracked(clip: MarkedClip, marks: pd.DataFrame, request: ReviewRequest, placed: tuple[Place, ...] = ()) -> Shown:
     video = open_video(clip.path)
     try:
         tracks = tuple(followed(video, request, request.track_options))
+        for place in placed:
+            tracks = corrected(tracks, place)
     except IrisError:
         tracks = ()
-    questions = [one for one in questions_of(tracks, image_size=(video.width, video.height)) if not one.doubts]
+    return _seen(tracks, marks, Shown(request, tracks, marks, placed, (video.width, video.height)))
+
+
+def _seen(tracks: tuple[Track, ...], marks: pd.DataFrame, before: Shown) -> Shown:
+    """Tracks as a person sees them; ``before`` has the request."""
+    questions = [one for one in questions_of(tracks, image_size=before.size) if not one.doubts]
     parts = []
     left = list(tracks)
     for name, rows in marks.groupby("body"):
-        compared = [_compared(track, rows, video.width) for track in left] or [_compared(None, rows, video.width)]
+        compared = [_compared(track, rows, before.size[0]) for track in left]
+        compared = compared or [_compared(None, rows, before.size[0])]
         best = min(range(len(compared)), key=lambda k: compared[k]["wrong"].sum())
         table = compared[best]
         body = left.pop(best).body if left else ""
         held = [(one.first, one.last) for one in questions if one.body == body]
         table["asked"] = [any(low <= frame <= high for low, high in held) for frame in table["frame"]]
-        parts.append(table.assign(body=str(name)))
-    return Shown(request, tracks, pd.concat(parts, ignore_index=True))
+        parts.append(table.assign(body=str(name), track=body))
+    return replace(before, tracks=tracks, table=pd.concat(parts, ignore_index=True))
+
+
+def _exchanged(shown: Shown, marks: pd.DataFrame, most: int) -> tuple[Shown, int]:
+    """The tracks after at most so many exchanges of two of them, each of which helps; and how many these are."""
+    for count in range(most):
+        tried = [_seen(corrected(shown.tracks, swap), marks, shown) for swap in _swaps(shown)]
+        best = min(tried, key=lambda one: one.n_wrong, default=shown)
+        if best.n_wrong >= shown.n_wrong:
+            return shown, count
+        shown = best
+    return shown, most
+
+
+def _swaps(shown: Shown) -> Iterator[Swap]:
+    """Exchanges that would put right what is seen in a wrong frame: another track is on the body."""
+    frames = {track.body: track.frame for track in shown.tracks}
+    for _, own in shown.table[shown.table["state"] == "free"].groupby("body"):
+        wrong = own["wrong"].to_numpy()
+        for k in np.flatnonzero(wrong):
+            first = k - int(np.argmin(wrong[: k + 1][::-1])) if not wrong[: k + 1].all() else -1
+            last = k + int(np.argmin(wrong[k:])) - 1 if not wrong[k:].all() else len(wrong) - 1
+            begin = own["frame"].iloc[first if first >= 0 else last] + 1  # after the last right mark, or the last wrong
+            for other in shown.tracks:
+                at = _compared(other, own.iloc[int(k) : int(k) + 1], shown.size[0])
+                named = str(own["track"].iloc[k])
+                alike = named not in ("", other.body) and np.array_equal(frames[named], other.frame)
+                if alike and at["met"].iloc[0]:
+                    yield Swap(body=named, other=other.body, frame=int(begin))
 
 
 def _compared(track: Track | None, rows: pd.DataFrame, width: int) -> pd.DataFrame:
@@ -114,20 +166,36 @@ def _looked_at(table: pd.DataFrame, clicked: set[int]) -> pd.Series | None:
     return rows.iloc[len(rows) // 2]
 
 
+def _rests(shown: Shown, row: pd.Series) -> Place | None:
+    """The point of a body at rest: not found here, and marked at the same place in a frame beside, not found there."""
+    if row["state"] != "free" or np.isfinite(row["x"]) or not row["track"]:
+        return None
+    own = shown.table[(shown.table["body"] == row["body"]) & (shown.table["state"] == "free")].reset_index(drop=True)
+    at = int(np.flatnonzero(own["frame"] == row["frame"])[0])
+    beside = own.iloc[[k for k in (at - 1, at + 1) if 0 <= k < len(own)]]
+    off = np.hypot(beside["x_px"] - row["x_px"], beside["y_px"] - row["y_px"])
+    if not ((off < row["radius_px"] / 2) & ~np.isfinite(beside["x"])).any():
+        return None
+    frame = int(row["frame"])
+    return Place(body=str(row["track"]), frame=frame, x=float(row["x_px"]), y=float(row["y_px"]), at_rest=True)
+
+
 def _clicked(shown: Shown, row: pd.Series, marks: pd.DataFrame, show: bool) -> tuple[ReviewRequest, int, set[int]]:
     """The request after a click, how many clicks it took, and the frames clicked."""
     request = shown.request
     if (not show or row["state"] != "free") and np.isfinite(row["x"]):
         ignored = (*request.ignored, TrackMark("", float(row["x"]), float(row["y"]), int(row["frame"])))
         return replace(request, ignored=ignored), 1, {int(row["frame"])}
-    new = [TrackMark(str(row["body"]), float(row["x_px"]), float(row["y_px"]), int(row["frame"]))]
-    named = {mark.body for mark in (*request.tracking.marks, *new)}
+    named = str(row["track"] or row["body"])
+    new = [TrackMark(named, float(row["x_px"]), float(row["y_px"]), int(row["frame"]))]
+    tracking = marked_all(replace(request.tracking, marks=(*request.tracking.marks, *new)), shown.tracks)
+    there = {mark.body for mark in tracking.marks}
     free = marks[marks["state"] == "free"].astype({"body": str})
-    for body, rows in free.groupby("body"):
-        if body not in named:  # the tracker wants every body marked, or none
+    for body, rows in free.groupby("body") if len(there) < request.tracking.bodies else ():
+        if body not in there:  # without a track to take a mark from
             nearest = rows.iloc[int(np.argmin(np.abs(rows["frame"].to_numpy() - row["frame"])))]
             new.append(TrackMark(str(body), float(nearest["x_px"]), float(nearest["y_px"]), int(nearest["frame"])))
-    tracking = replace(request.tracking, marks=(*request.tracking.marks, *new))
+    tracking = replace(tracking, marks=tuple(dict.fromkeys([*tracking.marks, *new])))
     return replace(request, tracking=tracking), len(new), {mark.frame for mark in new}
 
 

@@ -91,7 +91,7 @@ class Server:
         """Keep the largest memory of a process that fits, which is gone when its fit is done."""
         tasks = Path(f"/proc/{self.process.pid}/task")
         while self.process.poll() is None:
-            with suppress(OSError):
+            with suppress(OSError, IndexError):  # a process that has just ended states no memory
                 children = [pid for file in tasks.glob("*/children") for pid in file.read_text("utf-8").split()]
                 self.of_fit_mb = max(self.of_fit_mb, sum(map(_peak_mb, children)))
             time.sleep(0.1)

@@ -260,9 +260,9 @@ def _sentence(ranking: Sequence[ModelCandidate], chosen: ModelCandidate | None) 
             f"times the noise and a prediction error of {first.heldout:.3g} times; the bank does not have this "
             "equation, or the track is not one motion"
         )
-    text = f"{first.model} ({first.observable}): residual {first.residual:.3g}, "
-    text += f"held out {first.heldout:.3g} times the noise"
+    text = f"{first.model} ({first.observable}): its residual is {first.residual:.3g} times the noise, "
+    text += f"and {first.heldout:.3g} times in samples that it did not see"
     others = [candidate for candidate in ranking if candidate.model != first.model]
     if others and np.isfinite(others[0].heldout):
-        text += f"; next {others[0].model} ({others[0].observable}), held out {others[0].heldout:.3g}"
+        text += f"; next best: {others[0].model} ({others[0].observable}), {others[0].heldout:.3g} times"
     return text

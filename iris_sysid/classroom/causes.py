@@ -45,6 +45,7 @@ PLAIN_RATIO = 1.5  # of two frame rates that differ so plainly that a period alo
 TILTED, TILT_FLOOR = math.radians(3.0), math.radians(0.3)
 SPREAD_FLOOR = 0.003  # natural logarithm: pupils hang no two pendulums alike
 DEGREES = (35.0, 90.0)  # ratio of amplitudes, 57.3 give or take how far people pull a pendulum out
+CALLED = 0.002  # of a frame rate that is called by the next whole number
 SIZE = math.log(1.6)  # of two bodies' diameters
 UNEXPLAINED, TIMES_OTHERS = 0.01, 20.0  # fraction of the motion's variance, and over that of the other groups
 ABOVE_NOISE = 1.5  # of a residual over the noise
@@ -395,7 +396,13 @@ def _rates(played: float, late: Offset) -> str:
     true_hz = _true_rate(played, late)
     if true_hz is None:
         return "wrong clock"
-    return f"a {_usual(played) or played:.4g} fps file of a {true_hz:.4g} fps recording"
+    return f"a {_rate_text(_usual(played) or played)} fps file of a {_rate_text(true_hz)} fps recording"
+
+
+def _rate_text(rate_hz: float) -> str:
+    """A frame rate as people call it: 29.97 is 30."""
+    whole = round(rate_hz)
+    return str(whole) if whole and abs(rate_hz / whole - 1) < CALLED else f"{rate_hz:.4g}"
 
 
 def _true_rate(played: float, late: Offset) -> float | None:

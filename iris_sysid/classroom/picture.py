@@ -60,7 +60,7 @@ def class_figure(result: ClassResult) -> Figure:
     axes.tick_params(color=AXIS)
     axes.tick_params(axis="y", length=0, pad=9)
     axes.legend(
-        loc="upper left", bbox_to_anchor=(0, -0.12 * 6 / figure.get_figheight()), ncols=4, frameon=False, fontsize=8
+        loc="upper left", bbox_to_anchor=(0, -0.12 * 6 / figure.get_figheight()), ncols=5, frameon=False, fontsize=8
     )
     return figure
 
@@ -125,8 +125,8 @@ def _draw_mean(axes: Axes, result: ClassResult, factor: float) -> None:
         low, high = (factor * end for end in result.pooled.mean.interval)
         if between > 0:
             axes.axvspan(mean - between, mean + between, color=MEAN, alpha=0.08, linewidth=0, label="scatter of groups")
-        axes.axvspan(low, high, color=MEAN, alpha=0.15, linewidth=0)
         axes.axvline(mean, color=MEAN, linewidth=1.0, label="mean of the class")
+        axes.axvspan(low, high, color=MEAN, alpha=0.15, linewidth=0, label="its 95 % interval")
     for item in result.comparisons[:1]:
         axes.axvline(factor * item.reference.value, color=KNOWN, linestyle="--", linewidth=1.2, label=item.label)
     axes.plot([], [], "s", color=OUTLYING, markerfacecolor="none", markersize=5, label="look at this group")

@@ -11,10 +11,12 @@ from __future__ import annotations
 import importlib
 import sys
 from collections.abc import Iterator, MutableMapping
-from typing import TYPE_CHECKING, Annotated, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, get_args, get_origin, get_type_hints
 
 import typer
 from typer.core import TyperGroup
+from typer.models import OptionInfo
 
 if TYPE_CHECKING:
     from typer._click import Context, HelpFormatter
@@ -23,7 +25,7 @@ if TYPE_CHECKING:
 # Every command in the order of the help: its module (with a function of the same name), and its sentence in the help.
 # A test checks that the sentences equal the first sentences of the functions' docstrings.
 COMMANDS = {
-    "run": ("run", "Run the whole chain on one clip."),
+    "run": ("run", "Measure one clip: follow the body, fit its equation, write a report."),
     "review": ("review", "Correct a track in the browser, frame by frame, and see the fit follow."),
     "calibrate": ("calibrate", "Calibrate camera and plane of motion."),
     "frame": ("frame", "Draw one frame of a clip with a grid of pixel coordinates, for marks, scale bars and regions."),
@@ -72,6 +74,7 @@ GROUPS = {
     "What there is": ("list", "schema"),
 }
 OTHERS = "Other commands"
+TYPE_WORDS: dict[Any, str] = {str: "TEXT", int: "NUMBER", float: "NUMBER", Path: "PATH"}  # in the help of a command
 INTERRUPTED = 130  # exit status after Ctrl-C, as shells have it
 
 HELP = {"help_option_names": ["-h", "--help"]}
@@ -103,11 +106,23 @@ class _Loaded(MutableMapping[str, "Command"]):
 
 def _command(name: str) -> Command:
     module, _ = COMMANDS[name]
+    function = getattr(importlib.import_module(f"iris_sysid.cli.{module}"), module)
+    function.__annotations__ = get_type_hints(function, include_extras=True)
+    for hint in function.__annotations__.values():
+        _say_type(hint)
     application = typer.Typer(add_completion=False, rich_markup_mode=None)
-    application.command(name, context_settings=HELP)(
-        getattr(importlib.import_module(f"iris_sysid.cli.{module}"), module)
-    )
+    application.command(name, context_settings=HELP)(function)
     return typer.main.get_command(application)
+
+
+def _say_type(hint: Any) -> None:
+    """Have the help of an option, an annotated type, say what to write: TEXT or NUMBER rather than a type of Python."""
+    kind, *options = get_args(hint) if get_origin(hint) is Annotated else (hint,)
+    kinds = [one for part in (get_args(kind) or (kind,)) for one in (get_args(part) or (part,))]
+    word = next((TYPE_WORDS[one] for one in kinds if one in TYPE_WORDS), None)
+    for option in options:
+        if isinstance(option, OptionInfo) and option.metavar is None and word is not None:
+            option.metavar = word
 
 
 class _Group(TyperGroup):

@@ -17,7 +17,10 @@ if TYPE_CHECKING:
     from iris_sysid.types import OdeModel, Trajectory
 
 BOUND = re.compile(rf"\s*+(\w++)\s*+=\s*+({NUMBER})?+\s*+:\s*+({NUMBER})?+\s*+")
-ONE_OF = "Missing option '--model', or --equation \"theta'' = -g/L*sin(theta)\""
+ONE_OF = (
+    "Missing option '--model': auto chooses one, iris-sysid list shows all; or write the equation, "
+    "--equation \"theta'' = -g/L*sin(theta)\""
+)
 
 
 def check_one(stated: EquationArguments, other: str | None = None) -> None:

@@ -97,7 +97,9 @@ def plan(
     if camera.to is not None:
         _before_any_clip(camera.to, camera, output, force, json)
     elif diagnosis is None or not clips:
-        raise typer.BadParameter("give a diagnosis and its clips, or --phenomenon and --to")
+        raise typer.BadParameter(
+            "give a diagnosis and its clips (iris-sysid plan out/diagnosis out), or --phenomenon and --to"
+        )
     else:
         from iris_sysid.cli import _records
 
@@ -114,9 +116,11 @@ def _after_a_clip(
     json: bool,
 ) -> None:
     """Rank the changes, and weigh the effects with a new clip where there is one."""
+    from iris_sysid.benchmark.clip_folders import tables_in
     from iris_sysid.io.json_documents import document_text
 
     _check_folder(output, force)
+    clips = [table for clip in clips for table in tables_in(clip)]
     stated = _stated(changes.change)
     costs, errors = dict(map(_number, changes.cost)), dict(map(_error, changes.precise))
     document = _diagnosed(diagnosis)

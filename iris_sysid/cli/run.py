@@ -20,7 +20,7 @@ def run(
     json: Json = False,
     strict: Strict = False,
 ) -> None:
-    """Run the whole chain on one clip. Track, calibrate, segment, smooth, fit, report.
+    """Measure one clip: follow the body, fit its equation, write a report.
 
     \b
     Example:
@@ -28,6 +28,7 @@ def run(
     """
     from iris_sysid import pipeline
     from iris_sysid.registry import PHENOMENA
+    from iris_sysid.report.text import is_in_px
 
     _terminal.check_outputs(video, [output / name for name in pipeline.FILES], overwrite=force)
     if phenomenon is None:
@@ -49,6 +50,13 @@ def run(
     _terminal.show_fit(result.fit, result.trajectory, json)
     typer.echo(f"report: {page}", err=True)
     _terminal.check_usable(result.fit)
+    if is_in_px(result.fit) and not json:
+        typer.echo(
+            "lengths are in px; for metres state a scale: --scale 640px=1m, or --scale-bar x1,y1,x2,y2=0.84m with "
+            "places that this picture shows:",
+            err=True,
+        )
+        _terminal.suggest("frame", video, "-o", output / "frame.png")
     _terminal.suggest("diagnose", output, "-o", output / "diagnosis", json=json)
     _terminal.end(result.fit.verdict, strict)
 

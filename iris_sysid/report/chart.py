@@ -61,6 +61,7 @@ class Chart:
 
     ``title`` says in a sentence what is drawn, ``words`` what there is to see. A chart ``over_time``, in s, shows the
     frame of the clip under the pointer. ``reach`` is the part of the axis shown at first; None for all of it.
+    ``shows_motion`` says that it is what was measured, rather than the residual.
     """
 
     name: str
@@ -73,15 +74,18 @@ class Chart:
     words: str = ""
     over_time: bool = False
     reach: tuple[float, float] | None = None
+    shows_motion: bool = False
 
     @property
     def legend(self) -> list[tuple[str, str, str]]:
-        """Name, class and style of each curve and band, each name once; it tells those that the first view lacks."""
-        every = [
-            (one.name if _inside(one.x, self).any() else f"{one.name} (outside this view)", one.colour, one.style)
-            for one in self.series
-        ]
+        """Name, class and style of each curve and band, each name once."""
+        every = [(one.name, one.colour, one.style) for one in self.series]
         return list(dict.fromkeys([*every, *((band.name, band.colour, "band") for band in self.bands)]))
+
+    @property
+    def outside(self) -> set[str]:
+        """The names of the curves that the first view lacks."""
+        return {one.name for one in self.series if not _inside(one.x, self).any()}
 
     def document(self) -> dict[str, Any]:
         """The chart for the script of the page."""

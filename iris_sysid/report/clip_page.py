@@ -25,6 +25,7 @@ from iris_sysid.report.page import (
 from iris_sysid.report.residual_charts import input_charts, motion_chart, residual_chart
 from iris_sysid.report.text import (
     as_sentence,
+    is_in_px,
     main_names,
     residual_text,
     samples_text,
@@ -35,6 +36,7 @@ from iris_sysid.types import FitResult, Run, Trajectory
 
 SYMBOL_LENGTH = 2  # letters of a name that is a symbol, and keeps its case
 MAX_VALUES = 3  # numbers beside the picture
+IN_PX = "Lengths are in px: no scale was stated."
 
 
 def write_report(run: Run, folder: str | Path, *, overwrite: bool = False) -> Path:
@@ -94,7 +96,7 @@ def clip_page(run: Run) -> Page:
     return Page(
         title=f"{run.source.name}: {run.phenomenon.name}",
         headline=headline(fit),
-        summary=fit.model.summary,
+        summary=f"{fit.model.summary}. {IN_PX}" if is_in_px(fit) else fit.model.summary,
         values=key_values(fit, main_names(fit)),
         verdict=fit.verdict,
         warnings=[as_sentence(note) for note in _warnings(run)],

@@ -11,7 +11,7 @@ from matplotlib.patches import Patch
 
 from iris_sysid.report.diagnosis_text import share_text, size_text
 from iris_sysid.report.text import percent
-from iris_sysid.types import KIND_NAMES, Component, ComponentKind, Components, ComponentSide
+from iris_sysid.types import KIND_NAMES, Component, ComponentCurve, ComponentKind, Components, ComponentSide
 
 Colour = tuple[float, float, float]  # red, green, blue from 0 to 1
 # Okabe and Ito (2008), a colour for each side; further parts of a side are lighter
@@ -26,6 +26,7 @@ AXES: dict[ComponentSide, str] = {
     "clock": "error of the time",
     "input": "input",
 }
+FORCES = {"m/s^2": "force per mass", "rad/s^2": "angular acceleration"}  # in a unit that is not one of force
 LIGHTER = 0.45  # the share of white that each further part of a side gets
 
 
@@ -83,6 +84,18 @@ def part_colours(parts: Sequence[Component]) -> dict[ComponentKind, Colour]:
         red, green, blue = base + white * (1 - base)
         colours[part.kind] = (float(red), float(green), float(blue))
     return colours
+
+
+def axis_titles(side: ComponentSide, curve: ComponentCurve) -> tuple[str, str]:
+    """What a part depends on, and what its curve gives, in the words of the axes, without units."""
+    name, unit = curve.argument.name.replace("_", " "), curve.argument.unit
+    if unit == "s":
+        along = "time"
+    elif name.endswith(" rate"):
+        along = f"{'angular velocity' if unit.startswith('rad') else 'velocity'} of {name.removesuffix(' rate')}"
+    else:
+        along = name
+    return along, FORCES.get(curve.quantities[0].unit, AXES[side]) if side == "force" else AXES[side]
 
 
 def _draw_bars(
@@ -143,8 +156,8 @@ def _draw_curve(axes: Axes, part: Component, colour: Colour) -> None:
         axes.axvline(part.at.value, color="#888888", linewidth=0.8, linestyle=":")
     axes.margins(x=0.01)
     units = ", ".join(dict.fromkeys(quantity.unit for quantity in curve.quantities))
-    along = "time" if curve.argument.unit == "s" else curve.argument.name.replace("_", " ")
-    axes.set(xlabel=f"{along} ({curve.argument.unit})", ylabel=f"{AXES[part.side]} ({units})")
+    along, up = axis_titles(part.side, curve)
+    axes.set(xlabel=f"{along} ({curve.argument.unit})", ylabel=f"{up} ({units})")
     axes.set_title(f"{KIND_NAMES[part.kind]}, {share_text(part)}", loc="left", fontsize=10)
     if len(curve.quantities) > 1:
         axes.legend(frameon=False, fontsize=9)

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from iris_sysid.report.chart import Band, Chart, Series
-from iris_sysid.report.component_figure import AXES, MAX_CURVES
+from iris_sysid.report.component_figure import MAX_CURVES, axis_titles
 from iris_sysid.report.diagnosis_tables import WITH, WITHOUT, fits_of
 from iris_sysid.report.diagnosis_text import share_text, size_text
 from iris_sysid.report.figures import MAX_POINTS
@@ -21,6 +23,7 @@ from iris_sysid.types import (
     KIND_NAMES,
     Array,
     Component,
+    ComponentCurve,
     Components,
     ComponentSide,
     Diagnosis,
@@ -58,14 +61,14 @@ def component_charts(diagnosis: Diagnosis) -> list[Chart]:
     """The largest parts of the residual over what they depend on, each with its 95 % band."""
     parts = diagnosis.components.parts if diagnosis.components is not None else ()
     drawn = [part for part in parts if part.curve is not None][:MAX_CURVES]
-    return [_component_chart(part, k) for k, part in enumerate(drawn)]
+    return [_component_chart(part, k, diagnosis.bases) for k, part in enumerate(drawn)]
 
 
-def _component_chart(part: Component, number: int) -> Chart:
+def _component_chart(part: Component, number: int, fits: Sequence[FitResult]) -> Chart:
     assert part.curve is not None
     curve = part.curve
     unit, factor = shown_unit(curve.argument.unit)
-    order, (lower, upper) = np.argsort(curve.at), curve.band
+    order, (lower, upper) = _visited(curve, fits), curve.band
     at, over_time = factor * curve.at[order], curve.argument.unit == "s"
     scale = np.array([180 / math.pi if one.unit.startswith("rad") else 1.0 for one in curve.quantities])  # to degrees
     names = [one.name for one in curve.quantities] if len(curve.quantities) > 1 else ["estimate"]
@@ -73,17 +76,28 @@ def _component_chart(part: Component, number: int) -> Chart:
     series = [Series(name, at, values[:, k], part.side, "dashes" if k else "line") for k, name in enumerate(names)]
     bands = [Band("95 % band", at, lower[:, k], upper[:, k], part.side) for k in range(len(names))]
     units = ", ".join(dict.fromkeys(quantity.unit.replace("rad", "°") for quantity in curve.quantities))
-    along = "time" if over_time else curve.argument.name.replace("_", " ")
+    along, up = axis_titles(part.side, curve)
     return Chart(
         f"component-{number}",
         f"{KIND_NAMES[part.kind].capitalize()}, {share_text(part)} of the residual.",
         f"{along} ({unit})",
-        f"{AXES[part.side]} ({units})",
+        f"{up} ({units})",
         series,
         bands,
         words="What the fitted values can imitate is left out.",
         over_time=over_time,
     )
+
+
+def _visited(curve: ComponentCurve, fits: Sequence[FitResult]) -> NDArray[np.intp]:
+    """The points of a curve over a velocity, in order, that the motion has; all of any other curve."""
+    order = np.argsort(curve.at)
+    if not curve.argument.name.endswith(" rate") or any(fit.predicted.shape[1] > 1 for fit in fits):
+        return order
+    speeds = np.concatenate([_speed(fit, 0) for fit in fits])
+    step = float(np.median(np.diff(curve.at[order])))
+    inside = (curve.at[order] > speeds.min() - step) & (curve.at[order] < speeds.max() + step)
+    return order[inside] if inside.sum() > 1 else order
 
 
 def residual_charts(diagnosis: Diagnosis, clip: Trajectory) -> list[Chart]:

@@ -16,13 +16,13 @@ from iris_sysid.report.component_table import parts_sections
 from iris_sysid.report.diagnosis_charts import component_bars, component_charts, residual_charts, state_image
 from iris_sysid.report.diagnosis_files import check_folder
 from iris_sysid.report.diagnosis_tables import WITH, WITHOUT, diagnosis_sections
-from iris_sysid.report.diagnosis_text import diagnosis_sentence, diagnosis_sentences, finding_sentence
+from iris_sysid.report.diagnosis_text import diagnosis_sentence, diagnosis_sentences, finding_sentence, spoken
 from iris_sysid.report.film import Film, Filmed, film_of
 from iris_sysid.report.page import KeyValue, Page, PageImage, Section, png_of, symbols_of, words
 from iris_sysid.report.plan_figure import plan_figure
 from iris_sysid.report.plan_text import advice, plan_document, plan_rows
 from iris_sysid.report.plots import figure_of
-from iris_sysid.report.text import main_names
+from iris_sysid.report.text import as_sentence, main_names, with_error
 from iris_sysid.report.validation_figure import CAPTION, ValidatedDiagnosis, validation_figure
 from iris_sysid.types import Diagnosis, FindingWord, Trajectory
 
@@ -174,7 +174,13 @@ def diagnosis_page(
 
 
 def headline(diagnosis: Diagnosis) -> str:
-    """The answer in one sentence: the finding on the largest part of the residual, or that it is noise."""
+    """The answer in one sentence: the effects that are named, else what is said of the residual's largest part."""
+    named = {finding.effects[0] for finding in diagnosis.findings if finding.word == "named"}
+    missing = [effect for effect in diagnosis.added if effect.name in named]
+    if missing:
+        sizes = [with_error(diagnosis.sizes[effect.parameters[0].name]) for effect in missing]
+        lacks = " and ".join(f"{spoken(one.name)} ({size})" for one, size in zip(missing, sizes, strict=True))
+        return as_sentence(f"the equation lacks {lacks}{f': {missing[0].summary}' if len(missing) == 1 else ''}")
     findings = sorted(diagnosis.findings, key=lambda finding: BEST_FIRST.index(finding.word))
     if diagnosis.components is not None and findings:
         return finding_sentence(findings[0], diagnosis)

@@ -14,6 +14,7 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 
 from iris_sysid.errors import IrisError
+from iris_sysid.io.clip_place import places_of
 from iris_sysid.io.csv_read import read_track
 from iris_sysid.io.files import sha256_of
 from iris_sysid.report.figures import multiple_exposure, outline
@@ -290,7 +291,7 @@ def _basis(observed: Array, angles: Sequence[bool], some: Sequence[int]) -> Arra
 
 
 def footage_of_table(table: str | Path, trajectory: Trajectory) -> Footage | None:
-    """The clip that ``run`` made a table from, if it still lies near: beside the table, a folder above it, or here.
+    """The clip that ``run`` made a table from, if it still lies where it was, beside or in its folder, or here.
 
     Parameters
     ----------
@@ -310,8 +311,7 @@ def footage_of_table(table: str | Path, trajectory: Trajectory) -> Footage | Non
         return None
     options = trajectory.origin.get("options")
     asked = options if isinstance(options, Mapping) else {}
-    for place in dict.fromkeys((folder, folder.absolute().parent, Path.cwd())):
-        clip = place / Path(name).name
+    for clip in places_of(folder.absolute(), Path(name).name):
         try:
             if not clip.is_file() or sha256_of(clip) != digest:
                 continue

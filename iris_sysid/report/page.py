@@ -154,6 +154,17 @@ class Page:
     sections: Sequence[Section] = ()
     images: Sequence[PageImage] = field(default=())
 
+    @property
+    def picture(self) -> Chart | None:
+        """The chart beside the answer, where there is no clip: the motion."""
+        motions = (chart for chart in self.charts if chart.shows_motion)
+        return None if self.film is not None else next(motions, None)
+
+    @property
+    def further_charts(self) -> list[Chart]:
+        """The charts below."""
+        return [chart for chart in self.charts if chart is not self.picture]
+
 
 def png_of(figure: Figure) -> bytes:
     """Draw a figure as PNG bytes, the same bytes for the same figure."""

@@ -68,6 +68,7 @@ def motion_chart(trajectory: Trajectory, fits: Sequence[tuple[FitResult, str, st
         series,
         over_time=True,
         reach=_reach(fits[0][0]) if fits else None,
+        shows_motion=True,
     )
 
 

@@ -92,11 +92,12 @@ def _form(t_s: Array, residual: Array, motion: Array) -> str:
     """The simple form that explains most of its variance; empty where none explains half."""
     velocity = np.gradient(motion, t_s)
     time = (t_s - t_s.mean()) / np.ptp(t_s)
+    turns = np.count_nonzero(np.diff(np.sign(velocity)))
     forms = {
         "it goes with the velocity": velocity,
         "it goes with the position": motion - motion.mean(),
         "it drifts slowly with time": np.stack([time, time**2, time**3]),
-        "it swings with the motion, in a size that changes": np.stack(
+        f"it {'swings with' if turns > 1 else 'follows'} the motion, in a size that changes": np.stack(
             [way * time**power for way in (velocity, motion) for power in range(3)]
         ),
     }

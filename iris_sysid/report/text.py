@@ -159,6 +159,11 @@ def table_names(fit: FitResult) -> list[str]:
     return list(dict.fromkeys([*main_names(fit), *damping]))
 
 
+def is_in_px(fit: FitResult) -> bool:
+    """Whether a number that a person came for has a unit with px, because no scale is known."""
+    return fit.usable and any("px" in fit.estimates[name].unit for name in main_names(fit))
+
+
 def samples_text(segment: Segment, trajectory: Trajectory) -> str:
     """Say which samples a segment covers, e.g. ``0-2 (0.000-0.200 s)``."""
     last = segment.stop - 1

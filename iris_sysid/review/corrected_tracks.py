@@ -162,9 +162,20 @@ def _with_point(track: Track, edit: Place) -> Track:
     at = np.array([[edit.x, edit.y]])
     if track.camera_motion is not None:
         at = np.linalg.solve(track.camera_motion[row][:, :2], at[0] - track.camera_motion[row][:, 2])[None]
+    rows = _gap_at(track, row) if edit.at_rest else np.array([row])
     return _with_rows(
-        track, np.array([row]), {"xy_px": at, "sigma_px": edit.sigma_px, "valid": True, "edited": True, "hand": False}
+        track, rows, {"xy_px": at, "sigma_px": edit.sigma_px, "valid": True, "edited": True, "hand": False}
     )
+
+
+def _gap_at(track: Track, row: int) -> Whole:
+    """The rows around one in which the body was neither found nor taken out by hand; that one is always among them."""
+    known = track.valid | edited_mask(track)
+    before, after = np.flatnonzero(known[:row]), np.flatnonzero(known[row + 1 :])
+    if known[row]:
+        return np.array([row])
+    first = before[-1] + 1 if before.size else 0
+    return np.arange(first, row + 1 + after[0] if after.size else known.size)
 
 
 def _deleted(track: Track, first: int, last: int) -> Track:

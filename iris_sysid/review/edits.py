@@ -35,13 +35,14 @@ class _Click(Part):
 
 
 class Place(_Click):
-    """The body is at x, y px in that frame."""
+    """The body is at x, y px in that frame; ``at_rest``: and in all frames around it in which it is not found."""
 
     kind: Literal["place"] = "place"
     body: BodyName
     frame: FrameNumber
     x: Coordinate
     y: Coordinate
+    at_rest: bool = False
 
 
 class Delete(Part):

@@ -3,23 +3,24 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from iris_sysid.calibration.calibration_json import read_calibration, write_calibration
 from iris_sysid.errors import DataError
 from iris_sysid.io.archives import member_of
-from iris_sysid.io.csv_read import read_track
+from iris_sysid.io.clip_place import places_of, way_to
+from iris_sysid.io.csv_read import SIDE_CAR, read_track, side_car_of
 from iris_sysid.io.csv_write import write_track
-from iris_sysid.io.files import check_writable
+from iris_sysid.io.files import check_writable, read_file, write_atomic
 from iris_sysid.pipeline import check_request
 from iris_sysid.review.edits import Tracked
 from iris_sysid.review.history import ReviewState
 from iris_sysid.review.log import LOG_NAME, Entry, LogWriter, read_log
 from iris_sysid.review.request import ReviewRequest, request_of
 from iris_sysid.review.session import Session, check_same_clip, clip_stamp
-from iris_sysid.types import Calibration
+from iris_sysid.types import Calibration, Track
 
 TRACK, CALIBRATION = "track.csv", "review-calibration.json"
 
@@ -107,10 +108,20 @@ def _open_run(folder: Path, clip: Path | None, calibration: Calibration | None) 
     check_same_clip(found, origin)
     session = Session(found, folder, ReviewState(request))
     file = session.new_track_file()
-    write_track(tracks, folder / file)
+    _copy_track(tracks, folder, file)
+    session.keep_tracks(file, tracks)
     _begin(session, request)
     session.add_tracks_of(file)
     return session
+
+
+def _copy_track(tracks: Sequence[Track], folder: Path, file: str) -> None:
+    """Keep the tracks of a run, which a save replaces, in a ``file`` of their own."""
+    if not side_car_of(folder / TRACK).is_file():
+        write_track(tracks, folder / file)  # with the file beside it, which says that the table was typed by hand
+        return
+    for name in ("", SIDE_CAR):  # as they are: to write 54,000 rows anew takes half a second
+        write_atomic(f"{folder / file}{name}", read_file(f"{folder / TRACK}{name}"))
 
 
 def _begin(session: Session, request: ReviewRequest) -> None:
@@ -119,20 +130,12 @@ def _begin(session: Session, request: ReviewRequest) -> None:
     if request.calibration is not None:
         write_calibration(request.calibration, session.folder / CALIBRATION, overwrite=True)
     header = {
-        "clip": _relative(session.clip, session.folder),
+        "clip": way_to(session.clip, session.folder),
         "size": clip_stamp(session.clip)[1],
         "calibration": None if request.calibration is None else CALIBRATION,
         "request": _plain(request),
     }
     session.record_in(LogWriter(session.folder / LOG_NAME, header))
-
-
-def _relative(clip: Path, folder: Path) -> str:
-    """The way from the folder to the clip; the whole path where there is none, as between drives of Windows."""
-    try:
-        return os.path.relpath(clip, folder)
-    except ValueError:
-        return str(clip.resolve())
 
 
 def _plain(request: ReviewRequest) -> dict[str, Any]:
@@ -153,8 +156,7 @@ def _found(folder: Path, recorded: str) -> Path:
     name = Path(recorded).name
     if not name:
         raise DataError(f"{folder} does not say which clip it is of; give it with --clip")
-    places = [folder / recorded, folder.parent / name, folder / name, Path(name)]
-    found = next((place for place in places if member_of(place)[0].exists()), None)
+    found = next((place for place in places_of(folder, recorded) if member_of(place)[0].exists()), None)
     if found is None:
         raise DataError(f"the clip {name} of {folder} is neither beside it nor in it; say where it is with --clip")
     return Path(os.path.normpath(found))

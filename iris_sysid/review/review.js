@@ -736,7 +736,8 @@ function click(at, pointer) {
     return draw();
   }
   if (tool === "point") {
-    edit("place", { body, frame: shown.number, x, y, ...exact });
+    edit("place", { body, frame: shown.number, x, y, at_rest: $("at-rest").checked, ...exact });
+    $("at-rest").checked = false; // for one gap
     if ($("step-on").checked) go(frame + 1);
   } else if (tool === "mark") {
     edit("mark", { body, frame: shown.number, x, y, ...exact });
@@ -1044,6 +1045,7 @@ const KEYS = {
   0: () => (wholeFrame(), draw()),
   f: () => centreBody(),
   g: () => ($("step-on").checked = !$("step-on").checked),
+  h: () => ($("at-rest").checked = !$("at-rest").checked),
   p: () => choosePhenomenon(),
   t: () => toggleTracking(),
   " ": () => play(),

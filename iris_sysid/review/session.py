@@ -19,7 +19,7 @@ from iris_sysid.io.archives import member_of
 from iris_sysid.io.csv_read import read_track
 from iris_sysid.io.csv_write import write_track
 from iris_sysid.io.files import sha256_of
-from iris_sysid.review.corrected_tracks import Tracks, edited_mask, empty_track, passes
+from iris_sysid.review.corrected_tracks import Tracks, edited_mask, empty_track, in_frame_px, passes
 from iris_sysid.review.edits import BoardCorners, Edit, ScaleBar, Tracked
 from iris_sysid.review.fit_process import fitted_apart
 from iris_sysid.review.fit_queue import FitOutcome, FitQueue
@@ -201,6 +201,10 @@ class Session:
             self._read[file] = tuple(read_track(self.folder / file))
         return self._read[file]
 
+    def keep_tracks(self, file: str, tracks: Sequence[Track]) -> None:
+        """Say what the tracks in a ``file`` of the folder are, where they are at hand: it is not read then."""
+        self._read[file] = tuple(tracks)
+
     # ----------------------------------------------------------------------- fit
 
     def _run_of(self, state: ReviewState, is_old: Callable[[], bool]) -> Run | None:
@@ -289,7 +293,7 @@ class Session:
 
     def _followed(self) -> list[Track]:
         request, video = self.state.request, self._opened()
-        options = replace(request.track_options, progress=self._progress)
+        options = replace(marked_all(request.track_options, self.state.tracks), progress=self._progress)
         try:
             tracks = followed(video, request, options)
         except TrackingError:
@@ -373,6 +377,27 @@ class Session:
         self.tracking.stop = True
         self.fits.close()
         self.frames.close()
+
+
+def marked_all(options: TrackOptions, tracks: Sequence[Track]) -> TrackOptions:
+    """The options with every body marked where some are, as the tracker needs it.
+
+    Parameters
+    ----------
+    options
+        With the marks that a person made.
+    tracks
+        The other bodies are marked where these have them, in the frame nearest to the first mark.
+    """
+    named = {mark.body for mark in options.marks}
+    others = [track for track in tracks if track.body not in named and track.n_valid]
+    marks = list(options.marks)
+    for track in others[: max(options.bodies - len(named), 0)] if marks else ():
+        found = np.flatnonzero(track.valid)
+        row = int(found[np.argmin(np.abs(track.frame[found] - options.marks[0].frame))])
+        x_px, y_px = in_frame_px(track)[row].tolist()
+        marks.append(TrackMark(track.body, x_px, y_px, int(track.frame[row])))
+    return replace(options, marks=tuple(marks))
 
 
 def followed(video: Video, request: ReviewRequest, options: TrackOptions) -> list[Track]:

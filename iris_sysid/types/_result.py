@@ -21,6 +21,7 @@ from iris_sysid.types._verdict import (
     Verdict,
     VerdictWord,
     explained_percent,
+    relative_text,
     worst_verdict,
 )
 
@@ -78,7 +79,7 @@ def _doubts_of_incomplete(equation: Completeness, accuracy: Mapping[str, float])
     name, error = next(iter(accuracy.items()), ("", 0.0))
     doubts = []
     if error > IMPRECISE:
-        doubts.append(Doubt("imprecise", f"{name} is good to {100 * error:.2g} % only", SETTLE))
+        doubts.append(Doubt("imprecise", f"{name} is good to {relative_text(error)} only", SETTLE))
     if equation.explained < LITTLE_EXPLAINED:
         share = explained_percent(equation.explained)
         doubts.append(Doubt("little-explained", f"the equation explains only {share} of the motion", ANOTHER))

@@ -49,6 +49,7 @@ VERDICT_WORDS: tuple[VerdictWord, ...] = get_args(VerdictWord)  # the best first
 SPOKEN: Mapping[VerdictWord, str] = {"good": "usable", "doubtful": "doubtful", "failed": "failed"}
 OF_THE_EQUATION: tuple[DoubtKind, ...] = ("residual-above-noise", "incomplete")
 MAX_ACCURACIES = 3  # values whose accuracy the text gives
+WHOLE_PERCENT = 0.995  # relative error from which percents are given without decimals
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,7 +149,7 @@ class Verdict:
         """The relative standard errors, e.g. ``length good to 0.7 %, mass to 12 %``; empty without any."""
         some = list(self.accuracy.items())[:MAX_ACCURACIES]
         return ", ".join(
-            f"{name.replace('_', ' ')} {'to' if k else 'good to'} {100 * error:.2g} %"
+            f"{name.replace('_', ' ')} {'to' if k else 'good to'} {relative_text(error)}"
             for k, (name, error) in enumerate(some)
         )
 
@@ -158,6 +159,11 @@ class Verdict:
         about = self.accuracy_text if self.good else ". ".join(doubt.text for doubt in self.number_reasons)
         number = ": ".join(filter(None, [SPOKEN[self.word], about]))
         return ". ".join(filter(None, [number, self.equation.text if self.equation is not None else ""]))
+
+
+def relative_text(error: float) -> str:
+    """A standard error over its value in percent, e.g. ``0.68 %``, ``154 %``."""
+    return f"{100 * error:{'.2g' if error < WHOLE_PERCENT else '.0f'}} %"
 
 
 def worst_verdict(verdicts: Iterable[Verdict]) -> Verdict:

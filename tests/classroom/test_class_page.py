@@ -13,6 +13,7 @@ from iris_sysid.classroom.workbook import write_workbook
 from iris_sysid.errors import OutputError
 from iris_sysid.io.schemas import EstimateEntry, GroupDocument, VerdictEntry
 from iris_sysid.types import Completeness, Estimate, Verdict
+from tests._browser import browser_is_there, started_browser
 
 ODD = ['<script>alert("1")</script>', "=1+1", "$x_{$", "Ä & b", "http://example.org/", "g6", "g7"]
 
@@ -96,6 +97,24 @@ def test_page_that_is_served_links_to_reviews_and_to_nothing_else():
 def test_table_of_the_page_is_whole_without_its_script():
     rows = re.findall(r"<tr[^>]*><td class=\"text\" data-key", page_text(odd_class(), "class"))
     assert len(rows) == len(ODD)
+
+
+def test_every_cell_names_its_column_for_a_phone():
+    cells = [attributes for tag, attributes in Tags(page_text(odd_class(), "class")).found if tag == "td"]
+    assert cells
+    assert all(cell["data-label"] for cell in cells)
+
+
+def test_nothing_is_cut_on_a_phone(tmp_path):
+    browser_is_there()
+    page = write_page(odd_class(), "class", tmp_path / "class.html")
+    with started_browser(tmp_path / "profile") as browser:
+        size = {"width": 400, "height": 800, "deviceScaleFactor": 1, "mobile": True}
+        browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+        browser.get(page.as_uri())
+        assert browser.execute_script("return document.documentElement.scrollWidth") <= 400
+        cut = "return [...document.querySelectorAll('.scroll, td')].filter(b => b.scrollWidth > b.clientWidth + 1)"
+        assert browser.execute_script(cut) == []
 
 
 def test_page_and_workbook_are_the_same_bytes_again(tmp_path):

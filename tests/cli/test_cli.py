@@ -125,6 +125,7 @@ def test_run_prints_json_alone_on_stdout_and_the_rest_on_stderr(ran):
 def test_run_writes_a_complete_folder(ran):
     folder, _ = ran
     assert set(listing(folder)) == {
+        "clip.txt",
         "fit.json",
         "fit.png",
         "report.html",

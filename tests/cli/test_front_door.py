@@ -1,6 +1,7 @@
 """What every user meets: help, version, the verdict and its exit status, options by name, the next command."""
 
 import platform
+import re
 import subprocess
 import sys
 
@@ -70,6 +71,12 @@ def test_help_lists_every_command_in_one_group(cli):
     shown = cli("--help").out
     assert [title for title in command_line.GROUPS if f"\n{title}:\n" in shown] == list(command_line.GROUPS)
     assert command_line.OTHERS not in shown
+
+
+@pytest.mark.parametrize("command", command_line.COMMANDS)
+def test_help_says_what_to_write_rather_than_a_type_of_python(command, cli):
+    text = cli(command, "--help").out
+    assert not re.findall(r"--\S+ <(?:list|str|int|float|path)", text)
 
 
 def test_command_without_a_group_is_not_lost_from_the_help(cli, monkeypatch):

@@ -101,6 +101,10 @@ def test_throw_without_a_scale_is_offered_an_option_that_works(cli, tmp_path):
     (option,) = re.findall(r"^options that may help: (.*)$", outcome.err, re.MULTILINE)
     again = cli(*command, *option.split())
     assert again.status == 0, again.err
+    assert "lengths are in px; for metres state a scale" in again.err
+    for line in NEXT.findall(again.err):
+        assert cli(*shlex.split(line)).status == 0, line
+    assert "no scale was stated" in (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
 
 
 def test_inputs_that_are_held_are_diagnosed_as_held(cli, angles, tmp_path):

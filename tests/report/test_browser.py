@@ -143,6 +143,16 @@ def test_dragging_zooms_all_charts_over_time_and_a_double_click_goes_back(opened
     until(lambda: pictures()[0] != zoomed[0])
 
 
+def test_legend_names_what_is_in_view(opened):
+    page = opened("run")
+    entries, away = "#chart-motion-0 .legend li", "#chart-motion-0 .legend .outside"
+    every, lacking = (len(page.find_elements("css selector", one)) for one in (entries, away))
+    until(lambda: shown(page, entries) == every - lacking)
+    assert shown(page, away) == 0
+    moved_over(page, "motion-0", 0.5).double_click().perform()
+    until(lambda: shown(page, entries) == every)
+
+
 def test_without_scripts_the_charts_are_there_as_svg(pages, tmp_path):
     with started_browser(tmp_path, **{"profile.managed_default_content_settings.javascript": 2}) as page:
         page.get(pages["run"].as_uri())

@@ -80,7 +80,8 @@ def test_legend_says_what_the_first_view_lacks():
     t_s = np.linspace(0, 1, 11)
     series = [Series("hand", t_s[:3], t_s[:3], "input"), Series("motion", t_s[3:], t_s[3:], "body-1")]
     chart = Chart("motion-0", "Motion.", "time (s)", "x (m)", series, reach=(0.25, 1.0))
-    assert [name for name, *_ in chart.legend] == ["hand (outside this view)", "motion"]
+    assert [name for name, *_ in chart.legend] == ["hand", "motion"]
+    assert chart.outside == {"hand"}
 
 
 def test_every_symbol_of_the_library_can_be_set():
@@ -200,6 +201,12 @@ def test_words_say_what_a_residual_looks_like(swinging):
     assert looks(fitted, spike).startswith("almost all in a few samples")
     alternating = 0.01 * (-1.0) ** np.arange(240)
     assert looks(fitted, alternating) == "of no simple form"
+
+
+def test_residual_of_a_motion_that_does_not_turn_follows_it(swinging):
+    _, fitted = swinging
+    fall = replace(fitted, predicted=-4.9 * fitted.t_s[:, None] ** 2)
+    assert looks(fall, 0.01 * (fitted.t_s - 3) ** 4) == "it follows the motion, in a size that changes"
 
 
 def test_chart_of_a_residual_carries_the_words_in_degrees(swinging):

@@ -12,10 +12,11 @@ from iris_sysid.io.json_documents import read_document
 from iris_sysid.io.schemas import DiagnosisDocument
 from iris_sysid.registry import EFFECTS
 from iris_sysid.report.component_figure import component_caption, component_figure, part_colours
+from iris_sysid.report.diagnosis_charts import component_charts
 from iris_sysid.report.diagnosis_page import diagnosis_page, write_diagnosis
 from iris_sysid.report.diagnosis_text import diagnosis_sentence, diagnosis_sentences, parts_sentence
-from iris_sysid.report.page import png_of
-from iris_sysid.types import Estimate, Finding
+from iris_sysid.report.page import html_of, png_of
+from iris_sysid.types import Estimate, Finding, Quantity
 from tests._split_residuals import GROUP, LOCATED, OPEN, components, drag_part, dragged, split_diagnosis, wander_part
 
 NAN = float("nan")
@@ -172,7 +173,8 @@ def test_parts_of_one_side_have_different_colours():
 
 def test_page_begins_with_the_answer_and_then_the_parts(split):
     page = diagnosis_page(split, [dragged()])
-    assert page.headline.startswith("Quadratic drag (0.200")
+    assert page.headline.startswith("The equation lacks quadratic drag (0.200")
+    assert page.headline.endswith(" 1/rad): drag that grows with the square of the speed.")
     assert page.headline not in page.statements
     assert page.statements[0].startswith("81 % (74 to 86 %) of the residual")
     assert [value.name for value in page.values][:2] == ["quadratic_drag", "length"]
@@ -187,10 +189,31 @@ def test_page_begins_with_the_answer_and_then_the_parts(split):
     assert [chart.name for chart in page.charts] == names
     speed = page.charts[0]
     assert speed.x_label == "omega (°/s)"
-    assert speed.y_label == "force (°/s^2)"
+    assert speed.y_label == "angular acceleration (°/s^2)"
     assert speed.series[0].x[-1] == pytest.approx(np.degrees(2.0))
     assert not speed.over_time
     assert page.charts[1].over_time
+
+
+def test_page_without_a_clip_shows_the_motion_beside_the_answer(split):
+    page = diagnosis_page(split, [dragged()])
+    assert page.picture is not None
+    assert page.picture.name == "motion-0"
+    html = html_of(page)
+    assert html.count('id="chart-motion-0"') == 1
+    assert html.index('id="chart-motion-0"') < html.index('class="answer"') < html.index('id="chart-residual-0-0"')
+
+
+def test_curve_over_the_velocity_ends_where_the_motion_does(split):
+    part = split.components.parts[0]
+    part = replace(part, curve=replace(part.curve, argument=Quantity("theta rate", "rad/s")))
+    speeds = np.gradient(split.base.predicted[:, 0], split.base.t_s)
+    falling = replace(split.base, predicted=-np.abs(split.base.predicted).cumsum(axis=0))
+    for base, both in ((split.base, True), (falling, False)):
+        components = replace(split.components, parts=(part,))
+        (chart, *_) = component_charts(replace(split, components=components, bases=(base,)))
+        assert chart.x_label == "angular velocity of theta (°/s)"
+        assert (chart.series[0].x.max() > 0.5 * np.degrees(min(speeds.max(), 2.0))) == both
 
 
 def test_page_has_the_parts_as_a_table(split):

@@ -9,6 +9,7 @@ import pytest
 
 from iris_sysid import MODELS, fit, read_trajectory, run, save
 from iris_sysid.benchmark.diagnose_each import DiagnoseEach, DiagnosisRequest, NamedTable
+from iris_sysid.io.clip_place import CLIP_PLACE
 from iris_sysid.report import film as film_module
 from iris_sysid.report.film import Footage, film_of, footage_of_table, model_px
 from iris_sysid.types import Quantity, Track, Trajectory
@@ -134,8 +135,10 @@ def test_clip_without_a_body_has_no_film():
 
 @pytest.fixture
 def saved(measured, pendulum_clip, tmp_path):
+    """A run and a copy of its clip beside it, which alone is near."""
     save(measured, tmp_path / "out")
     (tmp_path / "pendulum.mp4").write_bytes(pendulum_clip.read_bytes())
+    (tmp_path / "out" / CLIP_PLACE).unlink()
     return tmp_path
 
 

@@ -5,11 +5,13 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from iris_sysid.io.csv_read import read_track
+from iris_sysid.io.csv_write import write_track
 from iris_sysid.io.json_documents import read_document
 from iris_sysid.io.schemas import FitDocument
 from tests._browser import browser_is_there, started_browser
@@ -111,6 +113,25 @@ def test_everything_goes_by_keys(project, driver):
         screen.until(lambda: "not there" in screen.find("stage").get_attribute("aria-label"))
         screen.keys("?")
         screen.until(lambda: screen.find("keys").get_attribute("open"))
+        assert screen.errors() == []
+
+
+@pytest.mark.slow
+def test_body_at_rest_is_placed_once_for_all_frames_in_which_it_is_lost(project, driver):
+    path = project / "out" / "track.csv"
+    (track,) = read_track(path)
+    valid = track.valid & ((track.frame < 50) | (track.frame > 70))
+    xy, sigma = (np.where(valid[:, None], values, np.nan) for values in (track.xy_px, track.sigma_px))
+    write_track([replace(track, xy_px=xy, sigma_px=sigma, valid=valid)], path, overwrite=True)
+    with served(project / "out") as address:
+        screen = Screen(driver, address)
+        screen.go_to(60)
+        screen.keys("h")
+        screen.click(100, 60)
+        screen.until(lambda: "edited" in screen.find("stage").get_attribute("aria-label"))
+        assert not screen.find("at-rest").is_selected()
+        screen.go_to(70)
+        screen.until(lambda: "edited" in screen.find("stage").get_attribute("aria-label"))
         assert screen.errors() == []
 
 

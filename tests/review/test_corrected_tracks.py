@@ -1,5 +1,7 @@
 """Corrections of tracks: what changes, what stays, and what a moving camera does to a click."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -54,6 +56,20 @@ def test_split_then_swap_puts_the_track_together_again():
     assert [part.n_valid for part in parts] == [100, N - 100]
     whole = corrected(parts, Swap(body="1", other="2", frame=110))
     assert same(whole[0], swing())
+
+
+def test_point_of_a_body_at_rest_fills_the_gap_around_it_and_nothing_else():
+    lost = corrected((swing(),), Delete(body="1", first=40, last=40))[0]  # by hand: not to be seen there
+    valid = lost.valid.copy()
+    valid[(lost.frame >= 30) & (lost.frame < 60)] = False
+    (track,) = corrected((replace(lost, valid=valid),), Place(body="1", frame=50, x=7.0, y=8.0, at_rest=True))
+    filled = (track.frame > 40) & (track.frame < 60)
+    assert (track.xy_px[filled] == (7.0, 8.0)).all()
+    assert track.valid[filled].all()
+    assert not track.valid[(track.frame >= 30) & (track.frame <= 40)].any()
+    assert np.array_equal(track.xy_px[track.frame >= 60], lost.xy_px[track.frame >= 60])
+    (found,) = corrected((swing(),), Place(body="1", frame=50, x=7.0, y=8.0, at_rest=True))
+    assert found.edited.sum() == 1
 
 
 def test_edits_survive_tracks_made_anew_and_bodies_placed_by_hand_too():

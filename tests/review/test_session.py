@@ -4,18 +4,24 @@ import json
 import os
 import shutil
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from iris_sysid.errors import DataError, OutputError
-from iris_sysid.io.csv_read import read_track
+from iris_sysid.io.clip_place import write_clip_place
+from iris_sysid.io.csv_read import read_track, read_trajectory
 from iris_sysid.io.json_documents import read_document
 from iris_sysid.io.schemas import FitDocument
+from iris_sysid.report.film import footage_of_table
 from iris_sysid.review.opening import open_clip, open_result
 from iris_sysid.review.request import ReviewRequest
+from iris_sysid.review.session import marked_all
+from iris_sysid.types import TrackMark, TrackOptions
 from tests.conftest import listing
 from tests.review.conftest import page_of
+from tests.review.test_doubtful_frames import swing
 
 
 def track_of(state, body="1"):
@@ -417,3 +423,35 @@ def test_port_that_is_taken_is_reported():
 
     with listen(0) as taken, pytest.raises(OutputError, match="--port"):
         listen(taken.getsockname()[1])
+
+
+def test_opened_run_keeps_a_copy_of_its_track_that_reads_the_same(session, project, opened):
+    copy, table = project / "out" / "review-track-1.csv", project / "out" / "track.csv"
+    assert copy.read_bytes() == table.read_bytes()
+    (again,) = opened(project / "out").state.tracks
+    (track,) = session.state.tracks
+    assert np.array_equal(again.xy_px, track.xy_px, equal_nan=True)
+    assert again.origin == track.origin
+
+
+def test_result_that_lies_elsewhere_than_its_clip_is_opened(project, tmp_path, opened):
+    folder = tmp_path / "results" / "one"
+    shutil.copytree(project / "out", folder)
+    write_clip_place(project / "pendulum.mp4", folder, overwrite=True)
+    assert opened(folder).clip.samefile(project / "pendulum.mp4")
+    assert footage_of_table(folder, read_trajectory(folder / "trajectory.csv")) is not None
+
+
+def test_body_that_is_marked_alone_has_the_others_marked_where_they_are_followed():
+    one, other = swing(body="1"), swing(body="2")
+    mark = TrackMark("1", 50.0, 60.0, 80)
+    options = marked_all(TrackOptions(bodies=2, marks=(mark,)), (one, other))
+    assert options.marks[0] == mark
+    (found,) = options.marks[1:]
+    row = int(np.flatnonzero(other.frame == 80)[0])
+    assert (found.body, found.frame) == ("2", 80)
+    assert (found.x_px, found.y_px) == tuple(other.xy_px[row])
+    lost = replace(other, valid=other.frame > 100)
+    assert marked_all(TrackOptions(bodies=2, marks=(mark,)), (one, lost)).marks[1].frame == 101
+    assert marked_all(TrackOptions(bodies=2), (one, other)).marks == ()
+    assert marked_all(TrackOptions(bodies=1, marks=(mark,)), (one, other)).marks == (mark,)

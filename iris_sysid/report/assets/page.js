@@ -134,6 +134,10 @@
     const value = at == null ? null : u.data[k + 1][at];
     fields[k].textContent = value == null ? "" : number(value);
   });
+  // The legend names what is in view.
+  const listSeen = (chart, entries, {min, max}) => chart.series.forEach((one, k) => {
+    entries[k].hidden = !one.x.some((x, j) => one.y[j] != null && x >= min && x <= max);
+  });
   const axisOf = (label, size) => ({label, size, labelSize: 20, stroke: rooted("--ink"), grid: {stroke: rooted("--line"), width: 1}, ticks: {stroke: rooted("--line")},
     font: "12px system-ui, sans-serif", labelFont: "13px system-ui, sans-serif", values: (u, at) => at.map(number)});
   const build = chart => {
@@ -151,7 +155,8 @@
       cursor: {points: {size: 8}, y: false, drag: {x: true, y: false}, sync: chart.overTime ? {key: "time", scales: ["x", null]} : undefined},
       hooks: {drawAxes: [drawBands(chart)], draw: [drawMarks(chart)],
         setCursor: [u => read(u, home.parentNode.querySelectorAll(".read")), u => { if (film && chart.overTime && u.cursor.event && u.cursor.left >= 0) show(nearest(u.posToVal(u.cursor.left, "x")), "chart"); }],
-        setScale: [(u, key) => { if (key === "x" && chart.overTime) zoomAll(u); }]},
+        setScale: [(u, key) => { if (key === "x" && chart.overTime) zoomAll(u); },
+          (u, key) => { if (key === "x") listSeen(chart, home.parentNode.querySelectorAll(".legend li"), u.scales.x); }]},
     }, uPlot.join(chart.series.map(one => [one.x, one.y])), home);
     plot.overTime = chart.overTime;
     if (chart.reach) plot.setScale("x", {min: chart.reach[0], max: chart.reach[1]});
