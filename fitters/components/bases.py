@@ -42,7 +42,7 @@ class Basis:
     ``kind`` is that of a component, or the name of an effect; ``columns`` (n, d, k) is what a unit of each coefficient
     changes in what is observed. ``shared``: the coefficients
     are the same in all clips. ``curve`` (g, f, k) is the component itself at the arguments ``at`` (g,), in the units of
-    ``quantities`` (f,). ``choices`` (k,): the columns belong to rival shapes of which one is chosen (the moment of a
+    ``quantities`` (f,). ``choices`` (k,): the columns belong to rival shapes, one is chosen (the moment of a
     pulse, the frequency of a sine); empty where all act together.
     """
 
@@ -103,7 +103,7 @@ def _velocity(motion: EffectMotion) -> Array:
 
 
 def _turns(motion: EffectMotion) -> int:
-    """How often the velocity that turns most seldom changes its sign."""
+    """How often the velocity that turns least often changes its sign."""
     velocity = _velocity(motion)
     return int(np.min(np.sum(np.diff(np.sign(velocity), axis=0) != 0, axis=0)))
 

@@ -28,8 +28,8 @@ class FoundSet:
 class SetSearch:
     """The sets compared so far, for one correlation of the noise.
 
-    ``groups`` holds, by name, the columns of each part, or of each shape of which one is chosen; ``log_odds`` those of
-    each part before the data; ``always`` are in every set.
+    ``groups`` holds, by name, the columns of each part, or of each of its rival shapes (one is chosen); ``log_odds``
+    those of each part before the data; ``always`` are in every set.
     """
 
     products: Products

@@ -29,7 +29,7 @@ OFTEN, SELDOM = 3.0, 0.01  # plausibility of a component before the data: judgem
 LINEAR = (0.03, 3.0, 0.3)  # of the residual to which they hold: at least, times residual over motion, at most
 FAR = 0.05  # residual over motion from which the fitted motion is not the one whose velocity counts
 NEGLIGIBLE = 1e-3  # relative strength of a direction of a curve that the fitted values imitate
-AS_WELL = 0.9  # of what a component explains: another one that explains so much can take its place
+AS_WELL = 0.9  # of what a component explains: another one that explains as much can take its place
 
 
 def split(clips: Sequence[ClipResidual]) -> Components | None:

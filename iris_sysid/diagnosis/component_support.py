@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from iris_sysid.types import Component, ComponentKind, Components, Effect
 
-EVIDENT_SHARE = 0.2  # of what is no noise, that a component must be for an effect that can imitate anything
+EVIDENT_SHARE = (
+    0.2  # of the residual without its noise, that a component must be for an effect that can imitate anything
+)
 
 
 class ComponentSupport:
@@ -37,7 +39,7 @@ class ComponentSupport:
         return {kind for part in self.parts for kind in (part.kind, *part.similar)}
 
     def _large_kinds(self, of_range: bool) -> set[ComponentKind]:
-        """The same of the components that are a good part of what is no noise, and those that by their range can be."""
+        """The same of the components that are, or by their range can be, a good part of the residual without noise."""
         least = EVIDENT_SHARE * sum(part.share for part in self.parts)
         large = [part for part in self.parts if part.share >= least]
         possible = [part for part in self.parts if of_range and part.share_range[1] >= least]

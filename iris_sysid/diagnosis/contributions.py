@@ -9,7 +9,7 @@ import numpy as np
 from iris_sysid.diagnosis.fit_cache import FitCache
 from iris_sysid.diagnosis.held_out_blocks import (
     ALIKE,
-    SMALLEST_SHARE,
+    MIN_SHARE,
     SURE,
     BlockErrors,
     every_block,
@@ -144,7 +144,7 @@ class Contributions:
 
     def is_small(self, model: ModelWithEffects, effect: Effect) -> bool:
         """Whether an effect is a small part of what the model explains, and of the error over blocks left out."""
-        return self.share_of(model, effect) < SMALLEST_SHARE and not self.removed(model, effect) >= NAMED_SHARE
+        return self.share_of(model, effect) < MIN_SHARE and not self.removed(model, effect) >= NAMED_SHARE
 
 
 def is_surely_better(model: ModelWithEffects, errors: BlockErrors, before: BlockErrors) -> bool:

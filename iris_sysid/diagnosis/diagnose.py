@@ -388,7 +388,7 @@ def _in_open_world(
 ) -> FitResult:
     """The fit of the k-th clip with errors that hold where the residual is not noise.
 
-    They come from the scatter of fits without a block; those of the equation's own values are no smaller than beside
+    They come from the scatter of fits without a block; those of the equation's own values are at least those beside
     the components of the residual, which may have moved them.
     """
     sizes = {parameter.name for effect in judged.effects for parameter in effect.parameters}
@@ -477,6 +477,6 @@ def _without_weak(cache: FitCache, final: ModelWithEffects) -> tuple[SearchRepor
 
 def _proposed(clips: Sequence[FitRequest], final: ModelWithEffects) -> tuple[DiscoveredTerm, ...]:
     """Terms without a named effect that the remaining residual suggests."""
-    from fitters.sindy.proposals import proposals  # seldom needed
+    from fitters.sindy.proposals import proposals  # rarely needed
 
     return proposals([clip.trajectory for clip in clips], final.fits)

@@ -14,7 +14,7 @@ import numpy as np
 from iris_sysid.diagnosis.component_support import ComponentSupport
 from iris_sysid.diagnosis.contributions import Contributions, is_surely_better, removed_share, starts_of
 from iris_sysid.diagnosis.fit_cache import FitCache
-from iris_sysid.diagnosis.held_out_blocks import ALIKE, SMALLEST_SHARE, SURE
+from iris_sysid.diagnosis.held_out_blocks import ALIKE, MIN_SHARE, SURE
 from iris_sysid.diagnosis.refit import ModelWithEffects, fitted_forms, forms
 from iris_sysid.diagnosis.residual_components import ranked_effects
 from iris_sysid.diagnosis.screening import Candidate
@@ -23,7 +23,7 @@ from iris_sysid.types import Effect
 MAX_EFFECTS = 3  # that are kept
 AT_ONCE = 2  # effects that are tried together
 TRIED = 4  # best sets that are refitted in each round
-ABSORBING = 3  # effects that imitate anything, of which the best are refitted
+ABSORBING = 3  # best effects that imitate anything, refitted in each round
 DISAGREES = 0.1  # factor on the odds of an effect of a kind that the components do not have
 
 
@@ -116,7 +116,7 @@ class EffectSearch:
             for model in models
             if self._shares.allows(model)
             and model.key != current.key
-            and removed_share(current, model) >= SMALLEST_SHARE
+            and removed_share(current, model) >= MIN_SHARE
             and is_surely_better(model, self._shares.estimate(model), self._shares.estimate(current))
         ]
         while better:
@@ -142,15 +142,15 @@ class EffectSearch:
         return math.prod(each.plausibility * (1.0 if agrees(each) else DISAGREES) for each in model.effects)
 
     def _is_near(self, model: ModelWithEffects, best: ModelWithEffects) -> bool:
-        """Whether the best predicts no better than by a standard error, or removes hardly more of the residual."""
+        """Whether the best predicts no better than by a standard error, or removes little more of the residual."""
         gain, stderr = self._shares.estimate(best).gain_over(self._shares.estimate(model))
-        least = SMALLEST_SHARE * self._shares.base.squares
+        least = MIN_SHARE * self._shares.base.squares
         return model is best or gain < stderr or model.squares - best.squares < least
 
     def _in_one(self, current: ModelWithEffects) -> ModelWithEffects:
         """One effect in the place of several, where these do not surely predict better.
 
-        One of the kind of the largest component also takes their place if they explain hardly more. Of those about as
+        One of the kind of the largest component also takes their place if they explain little more. Of those about as
         good, one with a formula comes before what imitates anything.
         """
         if not current.effects:
@@ -179,7 +179,7 @@ class EffectSearch:
         largest = self._support.parts[0]
         if single.effects[0].component not in (largest.kind, *largest.similar):
             return False
-        least = (1.0 - SMALLEST_SHARE) * removed_share(self._cache.base, several)
+        least = (1.0 - MIN_SHARE) * removed_share(self._cache.base, several)
         return removed_share(self._cache.base, single) >= least
 
     def _with_nuisances(self, current: ModelWithEffects) -> ModelWithEffects:

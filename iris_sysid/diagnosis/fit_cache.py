@@ -242,7 +242,7 @@ class FitCache:
         return self.refits(rest, [screening.single(name) for name in near])
 
     def refitted(self, rest: ModelWithEffects) -> frozenset[str]:
-        """The effects of which a usable refit beside those of ``rest`` exists."""
+        """The effects that have a usable refit beside those of ``rest``"""
         added = [model.names - rest.names for model in self._tried() if model.key > rest.key and model.usable]
         return frozenset(name for names in added if len(names) == 1 for name in names)
 

@@ -2,8 +2,8 @@
 
 The used samples of a clip are cut into blocks of equal length. All but the first, which fixes the initial state, are
 left out in turn as a whole; the model is fitted to the rest and predicts them from the initial state, without looking
-at a sample in between. Neighbouring samples share their noise and what the model lacks; blocks hardly do, so that the
-scatter over blocks tells how sure a difference is (block bootstrap: Kuensch 1989, Ann. Stat. 17, 1217).
+at a sample in between. Neighbouring samples share their noise and what the model lacks; blocks do so far less, so that
+the scatter over blocks tells how sure a difference is (block bootstrap: Kuensch 1989, Ann. Stat. 17, 1217).
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ FEW_BLOCKS = 4  # the same where there are several clips, or a driven motion, wh
 SAMPLES_A_VALUE = 2  # samples per free value that a fit needs after a block is left out
 MIN_FITS = 3  # without a block, whose scatter tells an error
 DRAWS = 2000  # of blocks with replacement
-SMALLEST_SHARE = 0.03  # of a sum of squares, that an effect must remove to be kept
+MIN_SHARE = 0.03  # of a sum of squares, that an effect must remove to be kept
 SURE = 0.9  # share of block bootstraps in which it must improve the prediction
 ALIKE = 1.2  # ratio of squared errors over blocks, up to which two models explain them alike
 SEED = 0

@@ -75,7 +75,7 @@ class _Linear:
 
 
 def _solved(information: Array, slope: Array) -> Array:
-    """The solution (k,) of the normal equations, zero along directions of which the samples say nothing.
+    """The solution (k,) of the normal equations, zero along directions that the samples do not determine.
 
     Infinite where a derivative is not finite.
     """

@@ -86,7 +86,7 @@ def averaged_over_competitors(chosen: Estimate, competitors: Sequence[CompetingE
     chosen
         The size, assuming no further missing effect.
     competitors
-        The effects of which one may act too.
+        Alternative effects: one of them may act too.
     """
     if not competitors or not chosen.stderr > 0:
         return chosen

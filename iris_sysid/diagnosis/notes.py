@@ -9,7 +9,7 @@ import numpy as np
 from iris_sysid.diagnosis.measurement_errors import RESOLVED_AT, RESOLVED_SAMPLES
 from iris_sysid.types import DiagnosticNote, Estimate, FitResult, NoteKind, Score
 
-MOST_NAMED = 3  # clips or effects that a note names; further ones are counted
+MAX_NAMED = 3  # clips or effects that a note names; further ones are counted
 REJECTED = {
     "rejected-sign": "because a negative value adds energy (in a tank: water)",
     "rejected-size": f"because it moves fewer than {RESOLVED_SAMPLES} samples by {RESOLVED_AT:g} stated errors",
@@ -57,8 +57,8 @@ def rejected_effect_note(scores: Sequence[Score], kind: NoteKind) -> tuple[Diagn
     if not scores:
         return ()
     best, similar = scores[0], [score.effect for score in scores[1:]]
-    more = f" and {len(similar) - MOST_NAMED} more" if len(similar) > MOST_NAMED else ""
-    others = f" (similar: {', '.join(similar[:MOST_NAMED])}{more})" if similar else ""
+    more = f" and {len(similar) - MAX_NAMED} more" if len(similar) > MAX_NAMED else ""
+    others = f" (similar: {', '.join(similar[:MAX_NAMED])}{more})" if similar else ""
     size = f"{best.effect} = {best.size:.2g} {best.unit}"
     return (DiagnosticNote(kind, f"the residual fits best with {size}{others}; rejected, {REJECTED[kind]}"),)
 
@@ -108,8 +108,8 @@ def _clip(k: int, fits: Sequence[FitResult]) -> str:
 
 
 def _notes(kind: NoteKind, texts: Sequence[str]) -> tuple[DiagnosticNote, ...]:
-    more = len(texts) - MOST_NAMED
-    shown = [*texts[:MOST_NAMED], *([f"{more} more clips with the same note"] if more > 0 else [])]
+    more = len(texts) - MAX_NAMED
+    shown = [*texts[:MAX_NAMED], *([f"{more} more clips with the same note"] if more > 0 else [])]
     return tuple(DiagnosticNote(kind, text) for text in shown)
 
 

@@ -15,19 +15,19 @@ from iris_sysid.diagnosis.component_support import EVIDENT_SHARE, ComponentSuppo
 from iris_sysid.diagnosis.contributions import NAMED_SHARE, Contributions, starts_of
 from iris_sysid.diagnosis.effect_search import AT_ONCE, MAX_EFFECTS, EffectSearch
 from iris_sysid.diagnosis.fit_cache import FitCache
-from iris_sysid.diagnosis.held_out_blocks import SMALLEST_SHARE
+from iris_sysid.diagnosis.held_out_blocks import MIN_SHARE
 from iris_sysid.diagnosis.refit import ModelWithEffects
 from iris_sysid.diagnosis.rivals import RIVALS, Rivals
 from iris_sysid.types import Component, Components, Effect, Finding
 
 ABSORBED_SHARE = 0.5  # of the squared error over blocks left out that what can imitate anything removes, if it is named
 DOMINANT_SHARE = 0.85  # of the residual's squares that it explains alone, where the components do not say it
-LOCATED_SHARE = 0.05  # of the residual's variance from which a component without an effect is told
+LOCATED_SHARE = 0.05  # of the residual's variance from which a component without an effect is reported
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Judgement:
-    """The model in the end, what is said of each of its effects, and the rivals of each.
+    """The model in the end, the finding on each of its effects, and the rivals of each.
 
     ``rivals`` holds, by effect, the probability of it and of those that predict as well. ``weak`` holds, one a clip
     and by name, the values in weak form and their standard errors where that form decided; else it is empty.
@@ -199,7 +199,7 @@ class OpenWorld:
         share = self.shares.removed(model, effect)
         if effect.absorbs and not self._is_named_absorbing(model, effect, share):
             return _absorbing(effect, share)
-        is_rest = len(model.effects) > 1 and self.shares.share_of(model, effect) < SMALLEST_SHARE
+        is_rest = len(model.effects) > 1 and self.shares.share_of(model, effect) < MIN_SHARE
         if self._support.never_turns and effect is self._main(model):
             share, is_rest = self.shares.alone(model, effect), False
         if share < NAMED_SHARE or is_rest:

@@ -31,11 +31,11 @@ from iris_sysid.types import (
 )
 
 MAX_HALVINGS = 6  # of a size to first order
-MOST_MOVES = 4  # steps from an effect's shape to a better one nearby
+MAX_MOVES = 4  # steps from an effect's shape to a better one nearby
 ACCURATE = 1e-6  # error of a predicted state from its time step, relative: far below the noise of any sensor
 MATERIAL = 0.01  # of the squares, by which a better form of an effect reduces them
 FAR_OFF, AT_NOISE = 10.0, 1.1  # residual over noise
-BODY = ("mass", "radius", "length")  # of which a clip may state a value
+BODY = ("mass", "radius", "length")  # values that a clip may state
 HIGHEST = 0.95  # largest lag-1 correlation that is allowed for
 DETERMINED = ("ok", "misfit")  # statuses of a fit whose free values the data determine
 
@@ -232,7 +232,7 @@ def _refitted(
             grown = _fit_from(clip, values, fitted.free, model, effects, growing=True)
             best = grown if grown.usable and _misfit(clip, grown, unit) < misfit else best
     for effect in effects:
-        moves = MOST_MOVES if effect.is_placed else int(effect.name in start)
+        moves = MAX_MOVES if effect.is_placed else int(effect.name in start)
         for _ in range(moves):
             values = _in_better_shape(effect, clip, best, unit)
             if not values:
@@ -395,7 +395,7 @@ def significance(before: ModelWithEffects, after: ModelWithEffects, effects: Seq
 
     Of one clip, the root of the chi-square that they explain, in units of the noise that remains, thinned by the
     autocorrelation of that noise along them: unlike a size over its standard error, this also holds where an effect
-    has a shape that the data hardly fix. Of several clips, the smallest of the effects' common sizes over their
+    has a shape that the data fix poorly. Of several clips, the smallest of the effects' common sizes over their
     standard errors (:func:`common_size`).
     """
     if len(after.fits) > 1:

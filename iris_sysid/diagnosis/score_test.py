@@ -22,7 +22,7 @@ from iris_sysid.diagnosis.measurement_errors import resolvable_size, stated_erro
 from iris_sysid.types import Array, Effect, FitResult, Score, Trajectory, normal_isf
 
 PARALLEL = 0.99  # cosine between projected sensitivities above which two effects are indistinguishable
-MOST_NUMBERS = 20_000_000  # largest array of directions; beyond it, pairs use only the best shape of each effect
+MAX_NUMBERS = 20_000_000  # largest array of directions; beyond it, pairs use only the best shape of each effect
 AT_ONCE = 4_000_000  # numbers in the directions that are computed together
 SINGULAR = 1e-9  # fraction of the largest singular value: below it lie null directions of the fitted parameters
 NOT_IMITATED = 1e-4  # fraction of a sensitivity that the fitted parameters must not be able to imitate
@@ -190,7 +190,7 @@ class Screen:
     def pairs(self, names: Collection[str]) -> dict[tuple[str, str], Pair]:
         """The best shapes of each pair of these effects; pairs that are parallel in every shape are left out."""
         rows = {name: self._rows(name) for name in sorted(self.visible & set(names))}
-        if self.directions.size > MOST_NUMBERS:
+        if self.directions.size > MAX_NUMBERS:
             rows = {name: [self._best(name)] for name in rows}
         pairs = {names: self._pair(rows[names[0]], rows[names[1]]) for names in combinations(rows, 2)}
         return {names: pair for names, pair in pairs.items() if pair is not None}
@@ -272,7 +272,7 @@ def _visible_directions(
     directions, count = [], max(AT_ONCE // t_s.size, 1)
     for first in range(0, len(shapes), count):
         directions += directions_of(shapes[first : first + count])
-        if len(shapes) * t_s.size > MOST_NUMBERS:
+        if len(shapes) * t_s.size > MAX_NUMBERS:
             directions = [replace(each, unit=each.unit.copy()) for each in _best_of(directions)]
     best = next(iter(_best_of(directions)), None)
     while best is not None and best.shape and effect.nearby is not None and effect.is_placed:
@@ -285,7 +285,7 @@ def _visible_directions(
 
 
 def _best_of(directions: Sequence[_Direction]) -> list[_Direction]:
-    """The direction that explains most; none of none."""
+    """The best direction, or an empty list."""
     return sorted(directions, key=lambda direction: -abs(direction.component))[:1]
 
 

@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 
 from iris_sysid.types import NORMAL_975, Estimate, normal_cdf
 
-NEGLIGIBLE = 4.0  # standard errors above the threshold, from where on the correction is below 1e-3 of a standard error
+NEGLIGIBLE = 4.0  # standard errors above the threshold, beyond which the correction is below 1e-3 of a standard error
 LOWEST = -30.0  # standard errors: lower limit of the true size
 
 

@@ -15,8 +15,8 @@ from iris_sysid.diagnosis.measurement_errors import is_resolved
 from iris_sysid.diagnosis.refit import ModelWithEffects, fitted_forms, forms, significance
 from iris_sysid.types import Effect
 
-MOST_ADDED = 4
-MOST_REVISIONS = 4
+MAX_ADDED = 4
+MAX_REVISIONS = 4
 FAR_LESS = 0.6  # fraction of the best first-order gain: a refit does not make up for a larger difference
 
 
@@ -56,7 +56,7 @@ class StepwiseSearch:
 
     def _continued(self, path: list[ModelWithEffects]) -> list[ModelWithEffects]:
         """The path, extended by significant effects step by step."""
-        while len(path[-1].effects) < MOST_ADDED:
+        while len(path[-1].effects) < MAX_ADDED:
             longer = self._longer(path[-1])
             if longer is None:
                 break
@@ -72,7 +72,7 @@ class StepwiseSearch:
     def _in_another_form(self, current: ModelWithEffects, longer: ModelWithEffects) -> ModelWithEffects | None:
         """The model with another form of one of its effects, where that explains what one more effect would.
 
-        A friction that is rounded off, or a drag of another power, is no reason to name a second effect.
+        A friction that is rounded off, or a drag of another power, does not call for a second effect.
         """
         formed = [
             self._cache.with_free_form(current, effect)
@@ -106,7 +106,7 @@ class StepwiseSearch:
 
     def _pairs(self, current: ModelWithEffects) -> Iterator[ModelWithEffects]:
         """The model with two more effects that are significant as a pair and each given the other, best first."""
-        if len(current.effects) + 2 > MOST_ADDED:
+        if len(current.effects) + 2 > MAX_ADDED:
             return
         candidates = self._cache.screening(current).pairs(self._cache.testable(current))
         needed = {frozenset(candidate.names): candidate.needed for candidate in candidates}
@@ -133,7 +133,7 @@ class StepwiseSearch:
 
     def _revised(self, current: ModelWithEffects) -> ModelWithEffects:
         """The model without effects that are no longer needed, and with better rivals substituted."""
-        for _ in range(MOST_REVISIONS):
+        for _ in range(MAX_REVISIONS):
             better = next(filter(None, (self._revision(current, effect) for effect in current.effects)), None)
             if better is None:
                 break

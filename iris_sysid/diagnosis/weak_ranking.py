@@ -16,7 +16,7 @@ import numpy as np
 from fitters.ode import FitRequest
 from fitters.ode.weak_fit import WeakFit, is_observed, weak_fit
 from iris_sysid.diagnosis.evidence import DECISIVE
-from iris_sysid.diagnosis.held_out_blocks import ALIKE, SMALLEST_SHARE, SURE, BlockErrors, wins
+from iris_sysid.diagnosis.held_out_blocks import ALIKE, MIN_SHARE, SURE, BlockErrors, wins
 from iris_sysid.diagnosis.library import EffectLibrary
 from iris_sysid.diagnosis.refit import ModelWithEffects, Starts, composed_model, estimate_values, weak_request
 from iris_sysid.diagnosis.screening import Candidate
@@ -187,5 +187,5 @@ def _acts(effect: Effect) -> bool:
 
 def _is_better(longer: WeakSet, current: WeakSet) -> bool:
     """Whether one more effect removes enough, surely and in most block bootstraps."""
-    enough = longer.share_over(current) >= SMALLEST_SHARE and current.cost - longer.cost > DECISIVE
+    enough = longer.share_over(current) >= MIN_SHARE and current.cost - longer.cost > DECISIVE
     return enough and longer.errors().share_below(current.errors()) >= SURE

@@ -174,7 +174,7 @@ def diagnosis_page(
 
 
 def headline(diagnosis: Diagnosis) -> str:
-    """The answer in one sentence: the effects that are named, else what is said of the residual's largest part."""
+    """The answer in one sentence: the effects that are named, else the finding on the residual's largest part."""
     named = {finding.effects[0] for finding in diagnosis.findings if finding.word == "named"}
     missing = [effect for effect in diagnosis.added if effect.name in named]
     if missing:

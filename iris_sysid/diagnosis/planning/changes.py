@@ -76,7 +76,7 @@ def changes_for(model: OdeModel, start: Mapping[str, float], effects: Sequence[E
     start
         Today's initial values by name, in the model's units.
     effects
-        Those of which one acts.
+        The alternatives: one of them acts.
     """
     found = [REPEAT, replace(REPEAT, name="repeat-3", text="the same three times more", clips=3)]
     found += [SetUpChange("fast", "four times the frame rate", faster=4.0)]

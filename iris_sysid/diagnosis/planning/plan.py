@@ -17,7 +17,7 @@ from iris_sysid.errors import UnknownNameError
 from iris_sysid.types import Array, Diagnosis, FitResult, Shown, Trajectory
 
 REFINED = 4  # best proposals whose power is found by refits
-JOINED = 4  # best proposals of which pairs are tried
+JOINED = 4  # best proposals, tried in pairs
 CLEAR = 0.9  # power above which no pair is tried
 PRACTICAL = 0.5  # power below which a proposal is not worth making
 

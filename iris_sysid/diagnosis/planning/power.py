@@ -1,6 +1,6 @@
 """The probability that one more clip leaves a single name: rivals refitted to drawn clips of each of them.
 
-If A is true, B is told apart where the chi-square of B, its free values fitted to today's clip and the new one, is
+If A is true, B is distinguished where the chi-square of B, its free values fitted to today's clip and the new one, is
 above that of A by the limit of the diagnosis. Without noise that difference is the non-centrality
 lambda = |r - J (J'J)^-1 J'r|^2, with r the difference of the predictions in units of the noise and J what B's free
 values can imitate; with noise it is close to a normal of mean lambda and variance 4 lambda. Here it is drawn.

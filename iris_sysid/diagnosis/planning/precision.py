@@ -9,8 +9,8 @@ import numpy as np
 
 from fitters.ode.error_budget import RANDOM
 
-MOST_CLIPS = 100  # nobody films more
-LEAST = 0.01  # factor on an error below which nobody measures better
+MAX_CLIPS = 100  # nobody films more
+MIN_FACTOR = 0.01  # factor on an error below which nobody measures better
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +54,7 @@ def needs(parts: Mapping[str, float], repeated: float, wanted: float) -> tuple[N
 
 
 def _random(today: float, repeated: float, clips: int) -> float:
-    """Variance of the random part with so many clips more: each adds what the first repeat adds."""
+    """Variance of the random part with that many more clips: each adds what the first repeat adds."""
     if today == 0:
         return 0.0
     added = max(repeated**-2.0 - today**-2.0, 0.0)
@@ -63,14 +63,14 @@ def _random(today: float, repeated: float, clips: int) -> float:
 
 def _clips(today: float, repeated: float, variance: float) -> int | None:
     """How many clips more bring the random variance down to this; None where no number does."""
-    counts = range(MOST_CLIPS + 1)
+    counts = range(MAX_CLIPS + 1)
     return next((count for count in counts if _random(today, repeated, count) <= variance), None)
 
 
 def _with_better(today: float, repeated: float, variance: float, error: float) -> tuple[int, float] | None:
     """Clips more, and the factor on a systematic error, that leave this variance; as few clips as make it possible."""
-    for count in range(MOST_CLIPS + 1):
+    for count in range(MAX_CLIPS + 1):
         left = variance - _random(today, repeated, count)
-        if left > (LEAST * error) ** 2:
+        if left > (MIN_FACTOR * error) ** 2:
             return count, min(float(np.sqrt(left)) / error, 1.0)
     return None

@@ -18,7 +18,7 @@ HIGHEST = 0.95  # lag-1 correlation of the noise that is allowed for
 SMALLEST = 1e-12  # relative variance below which a direction of today's values is known exactly
 ROUNDING = 1e-10  # relative singular value below which columns are parallel
 TOLERANCE = 1e-8
-MOST_SAMPLES = 4000  # of a planned clip; more take longer and show nothing else
+MAX_SAMPLES = 4000  # of a planned clip; more take longer and show nothing else
 EXACT = 1e-12  # noise over motion of data without noise
 OF_BODY = {"length": "length", "stiffness": "spring"}  # constants of the equation that a change of the body states
 
@@ -59,7 +59,7 @@ class Design:
         used = fitted.t_s[fitted.used]
         step = float(np.median(np.diff(used))) / change.faster
         count = round((used[-1] - fitted.t0_s) * change.longer / step) + 1
-        every = max(int(np.ceil(count / MOST_SAMPLES)), 1)
+        every = max(int(np.ceil(count / MAX_SAMPLES)), 1)
         lag_one = float(np.clip(np.nan_to_num(fitted.correlation), 0.0, HIGHEST)) ** (1.0 / change.faster)
         correlation = lag_one**every
         # fewer samples, and clips of the same set-up, as one clip that tells as much of a slow signal

@@ -1,4 +1,4 @@
-"""The effects of which one acts, each refitted to today's clips."""
+"""The alternative effects, each refitted to today's clips."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from iris_sysid.types import Array, Diagnosis, Effect, Estimate, FitResult, OdeM
 HOLDOUT = 0.3
 NOTHING = "nothing"  # the name of no effect at all
 SUSPECTED = 2.0  # standard errors of a size above which an effect that was not named is worth a clip
-MOST_SUSPECTED = 2
-LEAST = 1e-300  # a probability whose logarithm is finite
-MOST_RIVALS = 6  # the most probable ones; a class of twelve is told apart by what tells the best six apart
+MAX_SUSPECTED = 2
+MIN_PROBABILITY = 1e-300  # a probability whose logarithm is finite
+MAX_RIVALS = 6  # the most probable ones; a class of twelve is distinguished by what distinguishes the best six
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -91,7 +91,7 @@ def shares_of(names: Sequence[str], probabilities: Mapping[str, Mapping[str, flo
 def _suspected(diagnosis: Diagnosis) -> tuple[str, ...]:
     """Nothing, and the effects that come nearest to being named; none where no size is far from zero."""
     scores = [score for score in diagnosis.rounds[0] if abs(score.z) > SUSPECTED and score.tried == 1]
-    return (NOTHING, *(score.effect for score in scores[:MOST_SUSPECTED])) if scores else ()
+    return (NOTHING, *(score.effect for score in scores[:MAX_SUSPECTED])) if scores else ()
 
 
 def stated_values(fitted: FitResult) -> tuple[dict[str, Estimate], tuple[str, ...]]:
@@ -175,14 +175,14 @@ def _ranked(models: Mapping[str, ModelWithEffects], stated: Mapping[str, float])
     ranked = [
         Rival(name, model.effects, model.fits[0], costs[name] - best, model.fits) for name, model in models.items()
     ]
-    return tuple(sorted(ranked, key=lambda rival: rival.above)[:MOST_RIVALS])
+    return tuple(sorted(ranked, key=lambda rival: rival.above)[:MAX_RIVALS])
 
 
 def _stated_costs(stated: Mapping[str, float], names: Collection[str]) -> dict[str, float]:
     """The criterion of each name that has its probability; empty where one of them has none."""
     if not set(names) <= set(stated):
         return {}
-    return {name: -2.0 * math.log(max(stated[name], LEAST)) for name in names}
+    return {name: -2.0 * math.log(max(stated[name], MIN_PROBABILITY)) for name in names}
 
 
 def _refitted_costs(models: Mapping[str, ModelWithEffects]) -> dict[str, float]:
