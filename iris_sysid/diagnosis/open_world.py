@@ -17,7 +17,7 @@ from iris_sysid.diagnosis.effect_search import AT_ONCE, MAX_EFFECTS, EffectSearc
 from iris_sysid.diagnosis.fit_cache import FitCache
 from iris_sysid.diagnosis.held_out_blocks import MIN_SHARE
 from iris_sysid.diagnosis.refit import ModelWithEffects
-from iris_sysid.diagnosis.rivals import RIVALS, Rivals
+from iris_sysid.diagnosis.rivals import MOSTLY, RIVALS, Rivals
 from iris_sysid.types import Component, Components, Effect, Finding
 
 ABSORBED_SHARE = 0.5  # of the squared error over blocks left out that what can imitate anything removes, if it is named
@@ -90,7 +90,8 @@ class OpenWorld:
         if not self.shares.allows(model):
             return None
         judged = {effect.name: self._cache.weak.judged(found, effect) for effect in found.effects}
-        findings = tuple(_weak_finding(effect, *judged[effect.name]) for effect in found.effects)
+        explained = self._cache.weak.explained(self._cache.base, found) if model.far_off else 1.0
+        findings = tuple(_weak_finding(effect, *judged[effect.name], explained) for effect in found.effects)
         return Judgement(model, findings, {name: odds for name, (_, odds) in judged.items()}, found.estimates)
 
     def so_far(self) -> Judgement:
@@ -259,8 +260,12 @@ def _unnamed(components: Components, whole: float) -> list[Finding]:
     return [_located(part, share) for part, share in shares if share >= LOCATED_SHARE]
 
 
-def _weak_finding(effect: Effect, share: float, odds: Mapping[str, float]) -> Finding:
+def _weak_finding(effect: Effect, share: float, odds: Mapping[str, float], explained: float) -> Finding:
+    """The finding on one of a set of effects that explain a fraction of the force in short windows, or the free run."""
     names = (effect.name, *(name for name in odds if name != effect.name))
+    if not explained >= MOSTLY:
+        reason = f"the effects explain {100 * explained:.0f} % of the force in short windows"
+        return Finding("located", effect.component, names, share, reason)
     if not share >= NAMED_SHARE:
         return Finding("located", effect.component, names, share, "it is a small part of the residual")
     if len(names) > 1:

@@ -15,7 +15,7 @@ from iris_sysid.types import Effect
 
 EVEN = 0.5  # share of block bootstraps in which a named effect must predict better than what can imitate anything
 RIVALS = 3  # of an effect that are refitted
-MOSTLY = 0.75  # of the residual's squares that an effect explains, to be named beside one that imitates anything
+MOSTLY = 0.75  # of the residual's squares that must be explained where what is not could be the same in another form
 AS_WELL = 0.9  # of what an effect explains: on a motion that never turns, one that explains this share is as good
 
 

@@ -109,13 +109,29 @@ class WeakRanking:
         smoothed = all(clip.trajectory.smoothed is not None for clip in self._clips)
         if not (self._model.inputs and is_observed(self._model) and smoothed and base.far_off):
             return None
-        best = self._of((), [estimate_values(fitted) for fitted in base.fits])
+        best = self._bare(base)
         while best is not None and len(best.effects) < most:
             longer = next(iter(self._longer(best)), None)
             if longer is None or not _is_better(longer, best):
                 break
             best = longer
         return best
+
+    def explained(self, base: ModelWithEffects, found: WeakSet) -> float:
+        """The fraction of the squares in blocks left out that the effects of a set remove; NaN where there is no base.
+
+        Parameters
+        ----------
+        base
+            The model without effects.
+        found
+            The set.
+        """
+        bare = self._bare(base)
+        return float("nan") if bare is None else found.share_over(bare)
+
+    def _bare(self, base: ModelWithEffects) -> WeakSet | None:
+        return self._of((), [estimate_values(fitted) for fitted in base.fits])
 
     def judged(self, found: WeakSet, effect: Effect) -> tuple[float, dict[str, float]]:
         """The share of the squares that an effect removes beside the others, and the odds of it and its rivals by name.

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from iris_sysid.diagnosis.diagnose import COMPLETE, diagnose
-from iris_sysid.diagnosis.open_world import with_components
+from iris_sysid.diagnosis.open_world import _weak_finding, with_components
 from iris_sysid.registry import EFFECTS
 from iris_sysid.types import Array, Component, Components, Finding
 from tests.diagnosis.test_hold_out import NOISE, SWING, T_S, VALUES, table
@@ -109,3 +109,9 @@ def test_beside_a_named_effect_only_what_is_left_is_told():
         ("force-of-velocity", 0.9),
         ("zero-wander", pytest.approx(0.95 / 4)),
     ]
+
+
+@pytest.mark.parametrize(("explained", "word"), [(0.5, "located"), (0.9, "named")])
+def test_effect_in_weak_form_is_named_where_the_effects_explain_most_of_the_force(explained, word):
+    effect = EFFECTS["input-saturation"]
+    assert _weak_finding(effect, 0.5, {effect.name: 1.0}, explained).word == word
