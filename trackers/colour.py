@@ -22,9 +22,9 @@ from trackers._linking.frame_to_frame import Tracklet, link
 from trackers._linking.select_bodies import with_fragments
 from trackers._linking.to_track import track_of
 
-FIRST_REACH, LEAST_REACH = 0.25, 0.1  # of the image's diagonal: how far a body may go unforeseen
-FEWEST_DETECTIONS = 3
-LEAST_OVERLAP = 0.3  # of the shorter tracklet: two tracklets seen together as long are two bodies
+FIRST_REACH, MIN_REACH = 0.25, 0.1  # of the image's diagonal: how far a body may go unforeseen
+MIN_DETECTIONS = 3
+MIN_OVERLAP = 0.3  # of the shorter tracklet: two tracklets seen together as long are two bodies
 
 
 def track(video: FrameSource, options: TrackOptions) -> list[Track]:
@@ -58,7 +58,7 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
     for frame in with_progress(video.frames(), options.progress, video.n_expected, every=REPORT_EVERY):
         all_detections.append(_detections_of(view, frame))
     diagonal = float(np.hypot(video.width, video.height))
-    tracklets = _largest(link(all_detections, FIRST_REACH * diagonal, LEAST_REACH * diagonal), options)
+    tracklets = _largest(link(all_detections, FIRST_REACH * diagonal, MIN_REACH * diagonal), options)
     origin = {"tracker": TRACKER.name, "bodies": options.bodies, "roi": options.roi, "colour": options.colour}
     return [
         track_of(tracklet, all_detections, str(number), origin) for number, tracklet in enumerate(tracklets, start=1)
@@ -81,11 +81,11 @@ def _detections_of(view: View, frame: Frame) -> FrameDetections:
 
 def _largest(tracklets: list[Tracklet], options: TrackOptions) -> list[Tracklet]:
     """The bodies that are largest and seen longest, seen together, each with the pieces that can only be more of it."""
-    seen = [tracklet for tracklet in tracklets if len(tracklet.detections) >= FEWEST_DETECTIONS]
+    seen = [tracklet for tracklet in tracklets if len(tracklet.detections) >= MIN_DETECTIONS]
     chosen: list[Tracklet] = []
     for tracklet in sorted(seen, key=lambda tracklet: -sum(detection.area for detection in tracklet.detections)):
         with_all = all(
-            len(tracklet.frames & other.frames) >= LEAST_OVERLAP * min(len(tracklet.frames), len(other.frames))
+            len(tracklet.frames & other.frames) >= MIN_OVERLAP * min(len(tracklet.frames), len(other.frames))
             for other in chosen
         )
         if len(chosen) < options.bodies and with_all:

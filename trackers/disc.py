@@ -26,7 +26,7 @@ from trackers._disc.background import background_without_discs
 from trackers._disc.circle_detection import path_of_circles
 from trackers._disc.expected_position import ExpectedPath, expected_path_of
 from trackers._disc.fit import SeenDisc
-from trackers._disc.impact_frames import struck_within
+from trackers._disc.impact_frames import impact_exposure_error
 from trackers._disc.learn_appearance import DiscAppearance, DiscFitter, with_learned_appearance
 from trackers._disc.receding_disc import receding_disc
 from trackers._frames.ahead import ahead
@@ -44,7 +44,9 @@ WELL_SEEN = 0.8  # of the frames: a body found in fewer frames is also searched 
 CORRELATION_ABSORBED = 0.25
 # errors of the radius over those of the centre: of an outline whose errors at each angle are independent
 RADIUS_OF_CENTRE = np.sqrt(0.5)
-HUGE = 0.1  # of the image's diagonal, radius: what is larger, e.g. a hand, is measured only once it is the body
+MAX_BLOB_RADIUS = (
+    0.1  # of the image's diagonal, radius: what is larger, e.g. a hand, is measured only once it is the body
+)
 REPORT_EVERY = 10  # frames between two calls of the progress function
 EMPTY = (np.nan,) * 8
 LinkedBodies = tuple[
@@ -86,7 +88,7 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
 
     def among(seen: FrameDetections) -> list[bool]:
         chosen = zip(likely.among(seen), seen.detections, strict=True)
-        return [meant and detection.radius < HUGE * diagonal for meant, detection in chosen]
+        return [meant and detection.radius < MAX_BLOB_RADIUS * diagonal for meant, detection in chosen]
 
     all_detections = observe(video, rough, _first_half(options), among)
     if not all_detections:
@@ -237,7 +239,7 @@ def _track_of(
     return Track(
         t_s=t_s,
         xy_px=columns[:, 0:2],
-        sigma_px=np.hypot(sigma, struck_within(t_s, columns[:, :2], sigma, appearance.shutter)),
+        sigma_px=np.hypot(sigma, impact_exposure_error(t_s, columns[:, :2], sigma, appearance.shutter)),
         valid=np.isfinite(columns[:, 0]),
         frame=np.array([frame_detections.frame for frame_detections in all_detections]),
         body=str(body + 1),

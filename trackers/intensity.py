@@ -35,13 +35,13 @@ from trackers._frames.working_image import View, view_of
 from trackers._regions.compression_lag import Lag, lag_of
 from trackers._regions.covarying_region import Region, region_that_changes
 from trackers._regions.exposure import Background, Exposure, background_of, exposure_of
-from trackers._regions.lamp_brightness import MOST_CUT, Lamp, Reading, lamp_of, luma_of
+from trackers._regions.lamp_brightness import MAX_CUT, Lamp, Reading, lamp_of, luma_of
 from trackers._regions.linear_light import linear_light
 from trackers._uncertainty.local_polynomial import excess_scatter, persistent, pooled
 
 SAMPLES = 40  # frames in which the region is sought
-FEWEST_FRAMES = 3
-LEAST_EXPLAINED = 0.8  # of the changing pixels must follow the time series of the region
+MIN_FRAMES = 3
+MIN_EXPLAINED = 0.8  # of the changing pixels must follow the time series of the region
 SLOW = 45  # frames on either side: compression is late over so many, while the light fades smoothly
 REPORT_EVERY = 10  # frames between two calls of the progress function
 WHITE = 0.98  # of the range: pixels from here on may be cut off
@@ -82,7 +82,7 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
     """
     view = view_of(video, options)
     samples = video.sample(SAMPLES)
-    if len(samples) < FEWEST_FRAMES:
+    if len(samples) < MIN_FRAMES:
         raise TrackingError(f"the clip has {len(samples)} frame(s); a change of brightness takes at least 3")
     transfer = transfer_of(samples[0], options)
     curve = linear_light(transfer, samples[0].coding.span)
@@ -151,7 +151,7 @@ def _regions(view: View, samples: Sequence[Frame], options: TrackOptions) -> lis
         region = region_that_changes(stack, free, cut_off)
         if region is None:
             raise TrackingError(_too_few(len(regions), options.bodies))
-        if region.explained_share < LEAST_EXPLAINED:
+        if region.explained_share < MIN_EXPLAINED:
             raise TrackingError(
                 f"the region does not change as a whole: only {region.explained_share:.0%} of the change follows "
                 "the region that changes most, as when something moves; restrict the region with --roi, or use "
@@ -175,7 +175,7 @@ def _track_of(body: str, series: _Series, number: int, lamp: Lamp, transfer: Tra
     """The Track of one region."""
     readings = [row[number] for row in series.readings]
     light, sigma, slope, cut = np.array([(r.light, r.sigma, r.slope, r.cut) for r in readings]).T
-    valid = cut <= MOST_CUT
+    valid = cut <= MAX_CUT
     used = valid.nonzero()[0]
     background = None if series.background is None else series.background[used]
     corrected = _corrected(light[used], slope[used], series.key[used], background, series.noise)

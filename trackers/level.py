@@ -19,7 +19,7 @@ from trackers._regions.liquid_surface import STRIPS, WALL, WINDOW, Vessel, rough
 from trackers._uncertainty.local_polynomial import excess_scatter, pooled
 
 SAMPLES = 40  # frames from which both appearances are learned
-FEWEST_FRAMES = 3
+MIN_FRAMES = 3
 ROUNDS = 2  # in which levels and appearances are found in turn
 REPORT_EVERY = 10  # frames between two calls of the progress function
 
@@ -51,8 +51,8 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
     if options.bodies != 1 or options.colour is not None:
         raise DataError("the tracker level follows one surface and takes no colour; choose the vessel with --roi")
     samples = video.sample(SAMPLES)
-    if len(samples) < FEWEST_FRAMES:
-        raise TrackingError(f"the clip has {len(samples)} frame(s); a moving surface takes at least {FEWEST_FRAMES}")
+    if len(samples) < MIN_FRAMES:
+        raise TrackingError(f"the clip has {len(samples)} frame(s); a moving surface takes at least {MIN_FRAMES}")
     strips = _strips_of(view, vessel_of(np.stack([view.search_image(frame) for frame in samples])))
     stack = np.stack([strips.means(frame) for frame in samples])
     levels = strips.swept.start + rough_levels(stack[:, strips.swept].mean(axis=2))

@@ -33,7 +33,7 @@ from trackers._regions.rotation_template import Pattern, centred, learn_pattern,
 from trackers._uncertainty.local_polynomial import excess_scatter, persistent, pooled
 
 BLURS = (6.0, 3.0, 1.5, 0.7, 0.7)  # px, from rough to fine: how far off the angles may be before each
-LEAST_TURN = 0.03  # rad: a smaller rotation cannot be distinguished from shaking
+MIN_TURN = 0.03  # rad: a smaller rotation cannot be distinguished from shaking
 EXPLAINED = 0.5  # of the changing pixels must turn with the body
 SHOWN = 0.4  # of the points of the body must show it in a frame
 LARGEST_ERROR = 0.1  # rad
@@ -72,7 +72,7 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
     shown = [activity(setup.background_range, image) for image in setup.search_images]
     axis = axis_of(shown)
     clip = _roughly(video, setup, axis, options)
-    if np.ptp(clip.angle) < LEAST_TURN:
+    if np.ptp(clip.angle) < MIN_TURN:
         raise TrackingError(
             f"the moving body does not rotate: its angle varies by {np.degrees(np.ptp(clip.angle)):.2g} degrees over "
             "the clip; choose another tracker, or another part of the clip"

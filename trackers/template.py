@@ -22,8 +22,8 @@ from trackers._frames.arrays import Bytes, Image
 from trackers._frames.working_image import view_of
 
 SMALLEST_PATCH = 6  # px a side
-LEAST_CORRELATION = 0.6  # below it something else is seen, or the patch is half hidden
-LEAST_CONTRAST = 2.0  # grey levels, standard deviation: less is noise
+MIN_CORRELATION = 0.6  # below it something else is seen, or the patch is half hidden
+MIN_CONTRAST = 2.0  # grey levels, standard deviation: less is noise
 REACH = 1.5  # of the patch's larger side: how far from where it is predicted it is sought
 MARGIN = 2  # px round the peak in which it is refined
 ROUNDS = cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 1e-4  # px at which the refinement has settled
@@ -45,7 +45,7 @@ class Patch:
         left, top, part = self._part(luma, near)
         scores = cv2.matchTemplate(part, self.image, cv2.TM_CCOEFF_NORMED)
         _, best, _, (x, y) = cv2.minMaxLoc(scores)
-        if not LEAST_CORRELATION <= best <= 1.0 + 1e-6:
+        if not MIN_CORRELATION <= best <= 1.0 + 1e-6:
             return NOWHERE
         height, width = self.image.shape
         x0, y0 = max(0, x - MARGIN), max(0, y - MARGIN)
@@ -133,7 +133,7 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
 def _patch(luma: Bytes) -> Patch:
     """The patch in the first frame; TrackingError where there is nothing in it by which to know it again."""
     image = luma.astype(np.float32)
-    if float(image.std()) < LEAST_CONTRAST:
+    if float(image.std()) < MIN_CONTRAST:
         raise TrackingError("there is nothing in the region but one grey level; give a region in which the body lies")
     slopes = np.stack([np.gradient(image.astype(np.float64), axis=axis).ravel() for axis in (1, 0)])
     information = slopes @ slopes.T
@@ -162,7 +162,7 @@ def _track_of(corners: Array, times: list[tuple[int, float]], options: TrackOpti
         sigma_px=corners[:, 2:4],
         valid=np.isfinite(corners[:, 0]),
         frame=np.array([index for index, _ in times]),
-        origin={"tracker": TRACKER.name, "roi": options.roi, "least_correlation": LEAST_CORRELATION},
+        origin={"tracker": TRACKER.name, "roi": options.roi, "least_correlation": MIN_CORRELATION},
     )
 
 

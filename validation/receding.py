@@ -117,11 +117,11 @@ class Drawn:
 def found_ratio(clip: Drawn) -> float:
     """The ratio of the radii by which a disc changes its size in the samples, as the tracker takes it; 0 if none."""
     frames = clip.sample(SAMPLES)
-    limit, receding_disc.LEAST_RATIO = receding_disc.LEAST_RATIO, 0.0
+    limit, receding_disc.MIN_RATIO = receding_disc.MIN_RATIO, 0.0
     try:
         discs = receding_disc.receding_disc(frames, view_of(clip, TrackOptions()))
     finally:
-        receding_disc.LEAST_RATIO = limit
+        receding_disc.MIN_RATIO = limit
     radii = sorted(disc.radius for disc in discs.values())
     return radii[-2] / radii[1] if radii else 0.0
 

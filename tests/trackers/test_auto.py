@@ -12,8 +12,8 @@ from tests import _phone_clips as phone
 from tests._drawn import DrawnClip, disc, moving_disc, noisy, paint, swing
 from trackers._auto.appearance import Peaks
 from trackers._auto.best_path import best_path
-from trackers._auto.candidates import Way, radius_at
-from trackers._auto.choose import Choice
+from trackers._auto.candidates import TrackingStrategy, radius_at
+from trackers._auto.choose import TrackerSelection
 from trackers._auto.evidence import (
     Patches,
     disc_not_followed,
@@ -117,7 +117,7 @@ def large_and_small():
 def test_mark_takes_the_path_of_a_small_body_beside_a_larger_one_that_goes_farther():
     clip, large, small = large_and_small()
     options = TrackOptions(marks=(TrackMark("1", *map(float, small[7]), 7),))
-    choice = Choice.of(clip, options)
+    choice = TrackerSelection.of(clip, options)
     assert np.nanmax(np.hypot(*(choice.first()[0].xy_px - large).T)) < 0.5
     (track,) = choice.at_marks()
     assert np.nanmax(np.hypot(*(track.xy_px - small).T)) < 0.5
@@ -126,8 +126,10 @@ def test_mark_takes_the_path_of_a_small_body_beside_a_larger_one_that_goes_farth
 
 def test_next_best_is_what_moves_beside_all_that_was_tried():
     clip, large, small = large_and_small()
-    choice = Choice.of(clip, TrackOptions())
-    assert np.nanmax(np.hypot(*(choice.attempt(Way("first", choice.first)).tracks[0].xy_px - large).T)) < 0.5
+    choice = TrackerSelection.of(clip, TrackOptions())
+    assert (
+        np.nanmax(np.hypot(*(choice.attempt(TrackingStrategy("first", choice.first)).tracks[0].xy_px - large).T)) < 0.5
+    )
     (track,) = choice.next_best()
     assert np.nanmax(np.hypot(*(track.xy_px - small).T)) < 0.5
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from trackers._disc.expected_position import ExpectedPath
-from trackers._disc.impact_frames import struck_within
+from trackers._disc.impact_frames import impact_exposure_error
 from trackers._disc.model import Disc
 
 FPS, SHUTTER = 60.0, 0.5
@@ -32,7 +32,7 @@ def seen(struck_at, n=21, seed=1):
 @pytest.mark.parametrize("struck_at", [10.0, 9.85, 10.2])
 def test_place_in_whose_exposure_a_body_is_struck_has_the_error_that_this_makes(struck_at):
     t_s, xy, true = seen(struck_at)
-    added = struck_within(t_s, xy, np.full_like(xy, SIGMA), SHUTTER)
+    added = impact_exposure_error(t_s, xy, np.full_like(xy, SIGMA), SHUTTER)
     assert np.flatnonzero(added.any(axis=1)).tolist() == [10]
     assert np.all(np.abs(xy - true)[10] <= added[10] + 4 * SIGMA)
     np.testing.assert_allclose(added[10], np.abs(AFTER - BEFORE) * SHUTTER / 8, atol=0.05)
@@ -40,15 +40,15 @@ def test_place_in_whose_exposure_a_body_is_struck_has_the_error_that_this_makes(
 
 def test_impact_between_two_exposures_adds_nothing():
     t_s, xy, _ = seen(10.5)
-    assert not struck_within(t_s, xy, np.full_like(xy, SIGMA), SHUTTER).any()
+    assert not impact_exposure_error(t_s, xy, np.full_like(xy, SIGMA), SHUTTER).any()
 
 
 def test_smooth_motion_and_gaps_add_nothing():
     t_s, xy, _ = seen(10.0)
     circle = 200 * np.column_stack([np.cos(8 * t_s), np.sin(8 * t_s)])
-    assert not struck_within(t_s, circle, np.full_like(xy, SIGMA), SHUTTER).any()
+    assert not impact_exposure_error(t_s, circle, np.full_like(xy, SIGMA), SHUTTER).any()
     xy[7:13] = np.nan
-    assert not struck_within(t_s, xy, np.full_like(xy, SIGMA), SHUTTER).any()
+    assert not impact_exposure_error(t_s, xy, np.full_like(xy, SIGMA), SHUTTER).any()
 
 
 @pytest.mark.parametrize(("frame", "velocity"), [(8, BEFORE), (10, BEFORE), (11, AFTER), (13, AFTER)])

@@ -10,7 +10,7 @@ from iris_sysid.registry import TRACKERS
 from iris_sysid.synthetic import render_clip
 from iris_sysid.types import ErrorAutocorrelation, TrackOptions
 from tests._drawn import DrawnClip, disc, noisy, paint
-from trackers._uncertainty.changed_area import joined_by_another, shifted_by_area
+from trackers._uncertainty.changed_area import area_outliers, shifted_by_area
 from trackers._uncertainty.changed_shape import changed_shape
 from trackers._uncertainty.error_correlation import outline_lobes, outline_scatter
 from trackers._uncertainty.excess_scatter import ErrorModel, with_scatter
@@ -146,11 +146,11 @@ def test_area_that_is_too_large_for_some_frames_adds_an_error_to_these_alone():
 
 def test_frames_in_which_something_joins_the_body_are_few_and_larger_than_its_streak():
     streak = 80 + 5 * np.abs(np.mod(np.arange(120), 40) - 8.0)
-    assert not joined_by_another(streak).any()
+    assert not area_outliers(streak).any()
     joined = streak.copy()
     joined[[0, 30, 71, 72]] *= 1.6
-    np.testing.assert_array_equal(np.flatnonzero(joined_by_another(joined)), [0, 30, 71, 72])
-    assert not joined_by_another(np.where(np.arange(120) % 3 == 0, 1.5, 1.0) * 100).any()
+    np.testing.assert_array_equal(np.flatnonzero(area_outliers(joined)), [0, 30, 71, 72])
+    assert not area_outliers(np.where(np.arange(120) % 3 == 0, 1.5, 1.0) * 100).any()
 
 
 @pytest.mark.parametrize("count", [29, 60])
@@ -158,7 +158,7 @@ def test_frame_with_more_of_an_outline_that_comes_and_goes_has_a_larger_error_an
     area = 720.0 + 10 * np.random.default_rng(8).standard_normal(count)
     area[4::6] *= 0.7
     area[20] = 1100.0
-    assert not joined_by_another(area).any()
+    assert not area_outliers(area).any()
     added = shifted_by_area(area, np.sqrt(area / np.pi))
     assert added[20] == pytest.approx(0.35 * np.sqrt(1100 / np.pi), rel=0.05)
     assert added[19] == 0.0

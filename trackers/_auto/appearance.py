@@ -27,8 +27,8 @@ FLOOR = 2e-5  # probability of any colour: what was never seen is no proof
 HEART = 0.75  # of the radius: pixels nearer to the outline are mixed
 SURROUNDINGS = 2.2  # times the radius: half the side of the square round a body that is compared with it
 SURROUND_WEIGHT = 0.6
-MOST_PEAKS = 8  # a frame
-LEAST_SCORE = 0.15  # mean log ratio: fainter peaks are not considered
+MAX_PEAKS = 8  # a frame
+MIN_SCORE = 0.15  # mean log ratio: fainter peaks are not considered
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -64,7 +64,7 @@ class Appearance:
         ring = (outer * wide**2 - inner * side**2) / (wide**2 - side**2)
         return np.asarray(inner - SURROUND_WEIGHT * np.maximum(ring, -1.0), dtype=np.float32)
 
-    def peaks(self, image: Bytes, least: float = LEAST_SCORE, most: int = MOST_PEAKS) -> Peaks:
+    def peaks(self, image: Bytes, least: float = MIN_SCORE, most: int = MAX_PEAKS) -> Peaks:
         """The best places of a search image, the best first."""
         score = self.score_map(image)
         reach = max(3, 2 * round(0.8 * self.radius) + 1)

@@ -13,7 +13,7 @@ from iris_sysid.types import Array, FrameSource, Track, TrackMark, TrackOptions
 from trackers._auto.appearance import learn, search_image
 from trackers._auto.follow_appearance import Body, follow_appearance
 from trackers._auto.scene import SampledScene
-from trackers._auto.survey import WEIGHTS, Kind
+from trackers._auto.survey import WEIGHTS, ObjectClass
 from trackers._frames.arrays import Bytes
 from trackers._frames.working_image import View
 
@@ -24,7 +24,7 @@ CLICKED = 2.0  # px of the search image: pixels round a click that are surely of
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Way:
+class TrackingStrategy:
     """One way to follow the bodies of a clip: its name, and the function that does it.
 
     ``against`` are the names of evidence that it brings with it, of :data:`trackers._auto.verdict.OF_WAYS`.
@@ -35,7 +35,7 @@ class Way:
     against: tuple[str, ...] = ()
 
 
-def ways_by_looks(video: FrameSource, scene: SampledScene, options: TrackOptions) -> list[Way]:
+def ways_by_looks(video: FrameSource, scene: SampledScene, options: TrackOptions) -> list[TrackingStrategy]:
     """Following the likeliest things that move by their looks: as many of each kind as are seen at once."""
     bodies = [body for kind in scene.kinds for body in [body_like(kind, scene.images)] * _count(kind)]
     ways = []
@@ -43,7 +43,9 @@ def ways_by_looks(video: FrameSource, scene: SampledScene, options: TrackOptions
         chosen = bodies[start : start + options.bodies]
         if len(chosen) == options.bodies:
             named = [replace(body, name=str(k)) for k, body in enumerate(chosen, start=1)]
-            ways.append(Way(f"appearance-{start + 1}", _by_looks(video, scene.view, named, options), ("guessed",)))
+            ways.append(
+                TrackingStrategy(f"appearance-{start + 1}", _by_looks(video, scene.view, named, options), ("guessed",))
+            )
     return ways
 
 
@@ -53,24 +55,26 @@ def _by_looks(
     return lambda: follow_appearance(video, view, bodies, options)
 
 
-def _count(kind: Kind) -> int:
+def _count(kind: ObjectClass) -> int:
     """How many things of a kind are usually seen at once."""
     return max(1, round(len(kind.seen) / len(kind.samples)))
 
 
-def body_like(kind: Kind, images: Sequence[Bytes]) -> Body:
+def body_like(kind: ObjectClass, images: Sequence[Bytes]) -> Body:
     """A body that looks like the things of a kind, seen in the search images (h, w, 3) of a scene."""
     of_sample: dict[int, tuple[float, float]] = {thing.sample: (thing.x, thing.y) for thing in kind.seen}
     radius = max(1.5, LEARNED * float(kind.typical("inscribed")))
     return Body("1", learn(images, [of_sample.get(k) for k in range(len(images))], radius), {})
 
 
-def way_by_marks(video: FrameSource, view: View, options: TrackOptions) -> Way:
+def way_by_marks(video: FrameSource, view: View, options: TrackOptions) -> TrackingStrategy:
     """Following what is at the marks; DataError when not every body is marked, or a mark is not in the clip."""
     marks = marks_by_body(options.marks)
     if len(marks) < options.bodies:
         raise DataError(f"{options.bodies} bodies were asked for, but {len(marks)} are marked; mark each, or none")
-    return Way("marks", lambda: follow_appearance(video, view, _marked_bodies(video, view, marks), options))
+    return TrackingStrategy(
+        "marks", lambda: follow_appearance(video, view, _marked_bodies(video, view, marks), options)
+    )
 
 
 def marks_by_body(marks: Sequence[TrackMark]) -> dict[str, list[TrackMark]]:

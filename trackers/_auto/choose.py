@@ -9,7 +9,7 @@ from functools import partial
 from iris_sysid.errors import TrackingError
 from iris_sysid.registry import TRACKERS
 from iris_sysid.types import FrameSource, Track, TrackCandidate, TrackOptions
-from trackers._auto.candidates import Way, check_marks, marks_by_body, way_by_marks, ways_by_looks
+from trackers._auto.candidates import TrackingStrategy, check_marks, marks_by_body, way_by_marks, ways_by_looks
 from trackers._auto.evidence import missed_marks
 from trackers._auto.fill_gaps import with_gaps_filled
 from trackers._auto.sampled_once import SampledOnce
@@ -22,12 +22,12 @@ from trackers._linking.moving_bodies import MovingBodies, follow, is_apart, is_m
 
 SAMPLES = 40  # as many as the background is made of
 FEW = 3  # bodies: of more, each is too like the others to be known by its looks
-MOST_WAYS, NEXT = 3, 2  # by looks; further things that move before the still background
+MAX_WAYS, NEXT = 3, 2  # by looks; further things that move before the still background
 FIRST = "median-background"
 
 
 @dataclass(eq=False)
-class Choice:
+class TrackerSelection:
     """The search for the tracks that are most probably on their bodies."""
 
     video: SampledOnce
@@ -37,12 +37,12 @@ class Choice:
     _moving: MovingBodies | None = None
 
     @classmethod
-    def of(cls, video: FrameSource, options: TrackOptions) -> Choice:
+    def of(cls, video: FrameSource, options: TrackOptions) -> TrackerSelection:
         """The choice for a clip."""
         once = SampledOnce(video)
         return cls(once, options, SampledScene(view_of(video, options), once.sample(SAMPLES)))
 
-    def attempt(self, way: Way) -> TrackCandidate:
+    def attempt(self, way: TrackingStrategy) -> TrackCandidate:
         """Follow the bodies in one way, and judge the tracks."""
         try:
             tracks = self.named_by_marks(way.follow())
@@ -78,11 +78,11 @@ class Choice:
             raise TrackingError("nothing is followed before the still background")
         return self._moving.among(self.video, self.options, meant).tracks("auto", self.options)
 
-    def filled(self, candidate: TrackCandidate) -> Way:
+    def filled(self, candidate: TrackCandidate) -> TrackingStrategy:
         """The tracks of a candidate with their gaps filled by the looks of the bodies."""
         tracks = candidate.tracks
         others = [[other for other in tracks if other is not track] for track in tracks]
-        return Way(
+        return TrackingStrategy(
             f"{candidate.name}, gaps by looks",
             lambda: [with_gaps_filled(self.video, self.scene, *pair) for pair in zip(tracks, others, strict=True)],
         )
@@ -118,7 +118,7 @@ def choose(video: FrameSource, options: TrackOptions) -> tuple[TrackCandidate, l
         When the options do not fit the clip.
     """
     options = replace(options, bodies=max(options.bodies, len(marks_by_body(options.marks))))
-    choice = Choice.of(video, options)
+    choice = TrackerSelection.of(video, options)
     for way in _ways(choice):
         if probability(choice.attempt(way)) >= SURE and options.explain is None:
             break
@@ -130,26 +130,26 @@ def choose(video: FrameSource, options: TrackOptions) -> tuple[TrackCandidate, l
     return best, choice.candidates
 
 
-def _ways(choice: Choice) -> Iterator[Way]:
+def _ways(choice: TrackerSelection) -> Iterator[TrackingStrategy]:
     """The ways that suit the options; later ones are prepared only when they are needed."""
     video, options, scene = choice.video, choice.options, choice.scene
-    yield Way(FIRST, choice.first)
+    yield TrackingStrategy(FIRST, choice.first)
     if options.mask is not None or (options.bodies > FEW and not options.marks):
         return
     if options.marks:
         yield way_by_marks(video, scene.view, options)
-        yield Way("path-at-marks", choice.at_marks)
+        yield TrackingStrategy("path-at-marks", choice.at_marks)
     if _has_gaps(choice.candidates[-1]):
         yield choice.filled(choice.candidates[-1])
     if options.marks:
         return
     if options.bodies == 1:
-        yield from [Way(f"{FIRST}-{k}", choice.next_best, ("beside",)) for k in range(2, 2 + NEXT)]
+        yield from [TrackingStrategy(f"{FIRST}-{k}", choice.next_best, ("beside",)) for k in range(2, 2 + NEXT)]
     moving = bool(choice.candidates[0].tracks)
     for tracker in TRACKERS.values():
         if tracker.suits is not None and tracker.suits(video, options, moving):
-            yield Way(tracker.name, partial(tracker.track, video, options))
-    yield from ways_by_looks(video, scene, options)[:MOST_WAYS]
+            yield TrackingStrategy(tracker.name, partial(tracker.track, video, options))
+    yield from ways_by_looks(video, scene, options)[:MAX_WAYS]
 
 
 def _has_gaps(candidate: TrackCandidate) -> bool:

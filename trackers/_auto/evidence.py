@@ -10,7 +10,7 @@ import numpy as np
 from iris_sysid.types import Array, Frame, Mask, Track, TrackMark
 from trackers._auto.known_looks import known_looks
 from trackers._auto.scene import Place, SampledScene
-from trackers._auto.survey import WEIGHTS, Kind, any_near, blob_at, colour_distance, looks_like_shadow
+from trackers._auto.survey import WEIGHTS, ObjectClass, any_near, blob_at, colour_distance, looks_like_shadow
 from trackers._frames.arrays import Bytes, Flags
 from trackers._frames.working_image import View
 
@@ -21,8 +21,8 @@ LIKE_THE_BODY = 0.45  # of the way from the surroundings' colour to the body's: 
 # surroundings' colour as well; light along the path changes a colour by less. Chosen on marked clips; two tracks
 # swapped halfway (a synthetic pair, 1280x720, seed 8101) are told apart by 10 to 90 alike
 ANOTHER = 30.0
-TELLING = 6.0  # grey levels: less contrast tells nothing
-FEWEST_PATCHES = 4
+MIN_INFORMATIVE_CONTRAST = 6.0  # grey levels: less contrast tells nothing
+MIN_PATCHES = 4
 LEAP_RADII, LEAP_SPEEDS = 4.0, 5.0  # a step longer than both is a leap: radii, and times the usual step thereabouts
 NEIGHBOURS = 6  # steps before and after
 # px, median change of the radius: what lies behind a small body changes its outline by half a pixel (a ball of 3.5 px
@@ -32,8 +32,8 @@ LONG_GAP = 5  # frames without any body, over which paths no longer tell which i
 TOGETHER = 1.5  # radii: nearer than this two tracks are of one body
 PART = 3.0  # times the tracked area: of so large a thing the track is a part
 ON_TRACK = 0.3  # share of the sightings of a kind that lie on the track: fewer, and another thing is followed
-LEAST_SIGHTINGS = 0.3  # share of the samples, for a kind that might be the body
-MOST_REST = 0.5  # share of the samples: a body at rest for longer is to be followed there too
+MIN_SIGHTINGS = 0.3  # share of the samples, for a kind that might be the body
+MAX_REST = 0.5  # share of the samples: a body at rest for longer is to be followed there too
 MARK_RADII, MARK_PX = 1.0, 4.0  # how far a track may pass from a mark: radii, and px at least
 
 
@@ -52,14 +52,14 @@ def evidence_against(track: Track, scene: SampledScene, others: Sequence[Track] 
     patches, places = patches_of(track, scene.view, scene.frames), scene.places(track)
     likeness = patches.likeness()
     telling = likeness[np.isfinite(likeness)]
-    shown = len(patches.sample) >= FEWEST_PATCHES
+    shown = len(patches.sample) >= MIN_PATCHES
     still, scenery = _where_nothing_moves(track, scene, places)
     ragged, part, edge = _blobs_at(track, scene, places)
     return {
         "coverage": float(np.mean(track.valid | held_rows(track))),
-        "other colours": float(np.mean(telling <= LIKE_THE_BODY)) if telling.size >= FEWEST_PATCHES else 0.0,
+        "other colours": float(np.mean(telling <= LIKE_THE_BODY)) if telling.size >= MIN_PATCHES else 0.0,
         "shadow": patches.shadow_share() if shown else 0.0,
-        "faint": TELLING / (TELLING + patches.contrast()) if shown else 0.0,
+        "faint": MIN_INFORMATIVE_CONTRAST / (MIN_INFORMATIVE_CONTRAST + patches.contrast()) if shown else 0.0,
         "leaps": leaps(track).size / max(track.n_valid, 1),
         "kinks": kinks(track),
         "changing size": unsteadiness(track),
@@ -105,7 +105,7 @@ class Patches:
         size = np.linalg.norm(expected, axis=1)
         share = (expected * found).sum(axis=1) / np.maximum(size, 1e-9) ** 2
         another = np.linalg.norm(found - expected, axis=1) > np.maximum(size, ANOTHER)
-        return np.where(another, 0.0, np.where(size > TELLING, share, np.nan))
+        return np.where(another, 0.0, np.where(size > MIN_INFORMATIVE_CONTRAST, share, np.nan))
 
     def shadow_share(self) -> float:
         """Share of the patches that look like their surroundings in less light."""
@@ -231,7 +231,7 @@ def _blobs_at(track: Track, scene: SampledScene, places: Mapping[int, Place]) ->
     """How ragged what moves at the track is, and in which shares of samples it is far larger, or joined to the edge."""
     found = [blob_at(scene.foregrounds[k], at) for k, at in places.items()]
     blobs = [blob for blob in found if blob is not None]
-    if len(blobs) < FEWEST_PATCHES:
+    if len(blobs) < MIN_PATCHES:
         return 0.0, 0.0, 0.0
     area = np.pi * (usual_radius(track) / scene.view.step) ** 2
     round_ = float(np.median([min(1.0, np.pi * blob.inscribed**2 / blob.area) for blob in blobs]))
@@ -261,11 +261,11 @@ def samples_missed(track: Track, scene: SampledScene, others: Sequence[Track]) -
     """The samples in which the body is plainly to be seen and the track has lost it."""
     held, rows, places = held_rows(track), scene.rows(track), scene.places(track)
     lost = [k for k, row in rows.items() if not track.valid[row] and not held[row]]
-    if len(places) < FEWEST_PATCHES or not lost or track.radius_px is None:
+    if len(places) < MIN_PATCHES or not lost or track.radius_px is None:
         return []
     reach = usual_radius(track)
     found = _plainly_seen(scene, places, reach, lost, others)
-    return _without_rest(found, (min(places), max(places)), reach, MOST_REST * len(rows))
+    return _without_rest(found, (min(places), max(places)), reach, MAX_REST * len(rows))
 
 
 def _plainly_seen(
@@ -304,7 +304,7 @@ def _spread(places: Sequence[Place]) -> float:
     return float(np.hypot(*off.T).max())
 
 
-def rival(scene: SampledScene, track: Track, others: Sequence[Track]) -> tuple[float, Kind | None]:
+def rival(scene: SampledScene, track: Track, others: Sequence[Track]) -> tuple[float, ObjectClass | None]:
     """How much more than the track another thing looks like a body that moves (0 not at all, 1), and that thing."""
     share = {id(kind): _share_on(scene, kind, [track]) for kind in scene.kinds}
     own = max((kind.salience for kind in scene.kinds if share[id(kind)] > ON_TRACK), default=0.0)
@@ -312,7 +312,7 @@ def rival(scene: SampledScene, track: Track, others: Sequence[Track]) -> tuple[f
         kind
         for kind in scene.kinds
         if _share_on(scene, kind, [track, *others]) < ON_TRACK
-        and len(kind.samples) >= LEAST_SIGHTINGS * len(scene.frames)
+        and len(kind.samples) >= MIN_SIGHTINGS * len(scene.frames)
     ]
     best = max(rivals, key=lambda kind: kind.salience, default=None)
     if best is None or best.salience <= own:
@@ -320,7 +320,7 @@ def rival(scene: SampledScene, track: Track, others: Sequence[Track]) -> tuple[f
     return (best.salience - own) / (best.salience + own), best
 
 
-def _share_on(scene: SampledScene, kind: Kind, tracks: Sequence[Track]) -> float:
+def _share_on(scene: SampledScene, kind: ObjectClass, tracks: Sequence[Track]) -> float:
     """Share of the sightings of a kind that lie on one of the tracks."""
     on = 0
     for thing in kind.seen:

@@ -29,7 +29,7 @@ REACH_RADII, REACH_SHARE = 4.0, 0.05  # of the radius, of the diagonal: how far 
 WINDOW = 2.5  # radii: half the side of the window in which a body is measured
 LARGEST = 1.9  # times the radius: what is larger is not the body alone
 APART = 1.5  # radii: two bodies are not nearer to each other
-FEWEST = 3  # detections
+MIN_DETECTIONS = 3  # detections
 ROUGH = 0.35  # of the radius: standard error of a position by the looks alone
 
 
@@ -82,7 +82,7 @@ def follow_appearance(video: FrameSource, view: View, bodies: Sequence[Body], op
                 detections += [found or roughly_at(view, frame, image, body.appearance, path[k])]
         all_detections.append(FrameDetections(frame.index, frame.t_s, (), ()))
     for body, detections in zip(bodies, tracklets, strict=True):
-        if len(detections) < FEWEST:
+        if len(detections) < MIN_DETECTIONS:
             raise TrackingError(f"body {body.name} is found by its looks in {len(detections)} of {len(numbers)} frames")
     origin = {"tracker": "appearance", "bodies": len(bodies), "roi": options.roi, "colour": options.colour}
     return [

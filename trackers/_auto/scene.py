@@ -8,7 +8,7 @@ from functools import cached_property
 
 from iris_sysid.types import Frame, Track
 from trackers._auto.appearance import search_image
-from trackers._auto.survey import Kind, foregrounds_of, kinds_of
+from trackers._auto.survey import ObjectClass, foregrounds_of, kinds_of
 from trackers._detection.foreground import Blob
 from trackers._disc.model import Disc
 from trackers._disc.receding_disc import receding_disc
@@ -39,7 +39,7 @@ class SampledScene:
         return self._survey[1]
 
     @cached_property
-    def kinds(self) -> list[Kind]:
+    def kinds(self) -> list[ObjectClass]:
         """The kinds of things that move, the likeliest body first."""
         return kinds_of(self.images, *self._survey)
 

@@ -17,16 +17,16 @@ THINNEST = 2.0  # px, inscribed radius at the size of the search
 ALIKE = 16.0  # grey levels, luma counting a third: colours of one kind of thing
 ALIKE_SIZE = 2.0  # times: sizes of one kind of thing
 WEIGHTS = np.array([0.35, 1.0, 1.0])  # of luma, red and blue in a difference of colours: light changes the luma
-LEAST_CONTRAST = 5.0  # grey levels, of colour and luma together
+MIN_CONTRAST = 5.0  # grey levels, of colour and luma together
 SHADOW_RANGE = (0.3, 0.97)  # of the light that remains in a shadow
 SHADOW_CHROMA = 3.5  # grey levels: so far may a shadow's chroma be from that of the wall in less light
 SEEN_OFTEN = 0.2  # of the samples
 LARGEST = 0.3  # of the smaller side of the image: the radius of a body
-MOST_KINDS = 4
+MAX_KINDS = 4
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
+class SampledObject:
     """A compact thing in one sampled frame: centre and radius in px of the search image, colours (luma, red, blue).
 
     ``around`` is the colour just outside of it; ``roundness`` is 1 for a disc, ``inscribed`` the inscribed radius.
@@ -53,10 +53,10 @@ class Seen:
 
 
 @dataclass(eq=False)
-class Kind:
+class ObjectClass:
     """Things of one colour and size that were seen in the samples."""
 
-    seen: list[Seen] = field(default_factory=list)
+    seen: list[SampledObject] = field(default_factory=list)
 
     def typical(self, name: str) -> Array:
         """Median of a property."""
@@ -95,7 +95,7 @@ def looks_like_shadow(colour: Array, around: Array) -> bool:
     return bool(np.all(np.abs((colour[1:] - 128) - light * (around[1:] - 128)) < SHADOW_CHROMA))
 
 
-def kinds_of(images: Sequence[Bytes], still: Image, foregrounds: Sequence[Sequence[Blob]]) -> list[Kind]:
+def kinds_of(images: Sequence[Bytes], still: Image, foregrounds: Sequence[Sequence[Blob]]) -> list[ObjectClass]:
     """The kinds of things that move in sampled search images (h, w, 3), the likeliest body first.
 
     Parameters
@@ -105,7 +105,7 @@ def kinds_of(images: Sequence[Bytes], still: Image, foregrounds: Sequence[Sequen
     still, foregrounds
         Their background, and what differs from it in each, from :func:`foregrounds_of`.
     """
-    kinds: list[Kind] = []
+    kinds: list[ObjectClass] = []
     for number, (image, foreground) in enumerate(zip(images, foregrounds, strict=True)):
         covered = np.zeros(image.shape[:2], np.uint8)
         for blob in foreground:
@@ -116,7 +116,7 @@ def kinds_of(images: Sequence[Bytes], still: Image, foregrounds: Sequence[Sequen
             if thing is not None:
                 _sort_in(kinds, thing)
     often = [kind for kind in kinds if len(kind.samples) >= max(3, SEEN_OFTEN * len(images))]
-    return sorted(often, key=lambda kind: -kind.salience)[:MOST_KINDS]
+    return sorted(often, key=lambda kind: -kind.salience)[:MAX_KINDS]
 
 
 def foregrounds_of(images: Sequence[Bytes]) -> tuple[Image, list[list[Blob]]]:
@@ -159,7 +159,7 @@ def _levelled(image: Bytes, still: Image) -> Bytes:
     return levelled
 
 
-def _seen(number: int, blob: Blob, image: Bytes, still: Image, covered: Bytes) -> Seen | None:
+def _seen(number: int, blob: Blob, image: Bytes, still: Image, covered: Bytes) -> SampledObject | None:
     """A blob as a thing that is there; where the background shows a body that has left, that body elsewhere is meant.
 
     None where it is too thin, too large, at the edge, or no different from its surroundings.
@@ -183,7 +183,7 @@ def _seen(number: int, blob: Blob, image: Bytes, still: Image, covered: Bytes) -
     if colour_distance(before, around) > 1.5 * colour_distance(colour, around):
         return None  # it was here, at rest, and is seen nowhere in this blob
     rows, columns = np.nonzero(inside)
-    thing = Seen(
+    thing = SampledObject(
         number,
         float(columns.mean() + window[1].start),
         float(rows.mean() + window[0].start),
@@ -193,14 +193,14 @@ def _seen(number: int, blob: Blob, image: Bytes, still: Image, covered: Bytes) -
         float(min(1.0, np.pi * blob.inscribed**2 / blob.area)),
         float(blob.inscribed),
     )
-    return thing if thing.contrast > LEAST_CONTRAST else None
+    return thing if thing.contrast > MIN_CONTRAST else None
 
 
 def _middle(image: Bytes | Image, where: Flags) -> Array:
     return np.median(image[where].astype(np.float64), axis=0)
 
 
-def _sort_in(kinds: list[Kind], thing: Seen) -> None:
+def _sort_in(kinds: list[ObjectClass], thing: SampledObject) -> None:
     """Add a thing to the kind that it is most like, or begin a new one."""
     best, nearest = None, ALIKE
     for kind in kinds:
@@ -209,5 +209,5 @@ def _sort_in(kinds: list[Kind], thing: Seen) -> None:
         if apart < nearest and 1 / ALIKE_SIZE < ratio < ALIKE_SIZE:
             best, nearest = kind, apart
     if best is None:
-        kinds.append(best := Kind())
+        kinds.append(best := ObjectClass())
     best.seen.append(thing)

@@ -19,10 +19,10 @@ from trackers._frames.arrays import Bytes, Flags, Image
 
 SMALLEST_HOLE = 12  # px
 EDGE_RATIO = 2.0  # how much stronger an edge is in the background than in the frame
-LEAST_EDGE = 1.0  # grey levels a px beyond that
+MIN_EDGE = 1.0  # grey levels a px beyond that
 OUTLINE_SHARE = 0.3  # of a hole's outline: the rest is the outline of an object that hides part of the hole
 SHADE = 0.4  # of a component's peak: fainter pixels are the shadow of a near object
-FEWEST_SAMPLES = 3  # that must show what is behind
+MIN_SAMPLES = 3  # that must show what is behind
 AS_HOLE = 0.6  # of the samples in which a pixel differs: where fewer are holes, something passes before the background
 MARGIN = 4  # px round a foreground component, in which its edges lie
 SURROUNDED = 0.5  # of a hole's surroundings: if more of it is a hand or arm, these hide the hole
@@ -44,10 +44,10 @@ def usable_samples(stack: Bytes, estimate: BackgroundEstimate) -> Flags | None:
     holes = np.stack(list(ahead(partial(_holes_of, background_range, edges), stack)))
     differs = sum(background_range.strongly(image).astype(np.int64) for image in stack)
     holes &= holes.sum(axis=0) > AS_HOLE * differs
-    if holes.sum(axis=0).max() < FEWEST_SAMPLES:
+    if holes.sum(axis=0).max() < MIN_SAMPLES:
         return None
     wide = np.stack([cv2.dilate(hole.astype(np.uint8), RIM) > 0 for hole in holes])
-    return wide | (wide.sum(axis=0) < FEWEST_SAMPLES)
+    return wide | (wide.sum(axis=0) < MIN_SAMPLES)
 
 
 def _holes_of(background_range: BackgroundRange, edges: Image, image: Bytes) -> Flags:
@@ -141,7 +141,7 @@ def _holes(level: Bytes, edges: Image, edges_now: Image) -> Flags:
         window = (slice(y0, top + height + 2), slice(x0, left + width + 2))
         shape = _without_shade(level[window], labels[window] == label)
         outline = cv2.morphologyEx(shape, cv2.MORPH_GRADIENT, SQUARE) > 0
-        only_behind = edges[window][outline] > EDGE_RATIO * edges_now[window][outline] + LEAST_EDGE
+        only_behind = edges[window][outline] > EDGE_RATIO * edges_now[window][outline] + MIN_EDGE
         if np.count_nonzero(only_behind) > OUTLINE_SHARE * np.count_nonzero(outline):
             holes[window] |= shape > 0
     return holes

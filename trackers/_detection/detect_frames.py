@@ -37,7 +37,7 @@ VIVID = 4.0  # times the noise: least colour difference from the background
 MOSTLY = 0.5  # of the frames
 LARGE_ENOUGH, SPECKS = 12.0, 10  # px, inscribed radius at half the usual size; % of what moves that may be smaller
 AROUND = np.ones((5, 5), np.uint8)  # px about moving bodies: two more than their edge
-FEWEST_COLOURED = 20  # px that must move in colour for a frame to count
+MIN_COLOURED = 20  # px that must move in colour for a frame to count
 REPORT_EVERY = 10  # frames between two calls of the progress function
 Likely = Callable[[FrameDetections], Sequence[bool]]  # which detections of a frame are to be measured
 
@@ -155,7 +155,7 @@ def _in_colour(
     excess = background_range.excess(image) > background_range.strong
     strong = cv2.morphologyEx((excess[..., 1] | excess[..., 2]).astype(np.uint8), cv2.MORPH_OPEN, AROUND)
     area = np.count_nonzero(strong)
-    if area < FEWEST_COLOURED:
+    if area < MIN_COLOURED:
         return None
     in_luma = _covered(luma_range, np.ascontiguousarray(image[..., 0]))
     whole = filled_round(in_luma.astype(np.uint8), strong)

@@ -23,7 +23,7 @@ CONTRAST_SHARES = (0.1, 0.2)  # of a component's peak: fainter pixels are shade 
 SPECK = 2  # px: so thin a component is no body, at which share ever it is cut
 IN_DOUBT = 1.5  # times as clear must a body be to be cut at the higher share
 ARM_SHARE = 0.25  # of the inscribed radius: an object that holds a body at the edge is at least as thick
-MOST_BLOBS = 16  # a frame
+MAX_BLOBS = 16  # a frame
 FRINGE = 4  # px that the outline of a body may lie beyond its stout part
 CORD_RADIUS = 6.0  # px: half the width of the thickest cord that is cut off
 GROWN, FRAYED = 48, 3  # px by which a window grows that cuts a part; about its sides, where gaps are closed wrongly
@@ -249,7 +249,7 @@ def blobs_of(parts: Iterable[Component], shape: tuple[int, ...]) -> list[Blob]:
         (faint, clearness), (bold, clearer) = (_blobs_at(component, share * peak, shape) for share in CONTRAST_SHARES)
         thin = min(component.mask.shape) <= SPECK
         found_blobs += bold if clearer > IN_DOUBT * clearness and not thin else faint
-    return sorted(found_blobs, key=lambda blob: -blob.area)[:MOST_BLOBS]
+    return sorted(found_blobs, key=lambda blob: -blob.area)[:MAX_BLOBS]
 
 
 def stout(component: Component) -> Component:

@@ -16,7 +16,7 @@ from trackers._frames.sampled_frames import SampledFrames
 from trackers._frames.working_image import View
 
 RING, GAP = 9, 3  # px at the size of the search: width of the ring outside of a body, and from where on
-FEWEST_RING = 12  # px that show the surroundings
+MIN_RING = 12  # px that show the surroundings
 
 
 def components_of(mask: Bytes) -> list[Component]:
@@ -52,7 +52,7 @@ def local_detector(view: View, frame: Frame, image: Bytes, covered: Bytes, blob:
     reach = GAP + RING
     window = (slice(max(0, top - reach), bottom + reach), slice(max(0, left - reach), right + reach))
     outside = image[window][covered[window] == 0].astype(np.float32)
-    if len(outside) < FEWEST_RING:
+    if len(outside) < MIN_RING:
         return None
     middle = np.median(outside, axis=0)
     noise = np.maximum(MAD_TO_SD * np.median(np.abs(outside - middle), axis=0), QUANTISATION_SD)

@@ -43,7 +43,7 @@ WATCH_SIGMAS, WATCH_FLOOR = 5.0, 8.0  # floor in grey levels: surely something
 Result = TypeVar("Result")
 PAIR = np.ones((2, 2), np.uint8)  # pixels of the sparse grid: the search of the whole image finds smaller bodies
 GROWN_SHARE, GROWN_PX = 0.2, 6  # of its size, and px of the search: how far a thing may go in a frame
-MOST_CHANGES = 16  # a frame: more are flicker, or a camera that was pushed
+MAX_CHANGES = 16  # a frame: more are flicker, or a camera that was pushed
 GROWTHS = 3  # times a part of the image is made larger until it holds what is in it
 
 
@@ -148,7 +148,7 @@ class SearchWindows:
         if self._until_whole % WATCH_EVERY:
             return merged(known)
         changes = self._changes(self.sparse_range, self.view.sparse_image(frame, SPACING), known)
-        return merged(known + changes) if len(changes) <= MOST_CHANGES else [self._whole]
+        return merged(known + changes) if len(changes) <= MAX_CHANGES else [self._whole]
 
     def _changes(self, sparse_range: BackgroundRange, image: Bytes, known: list[Box]) -> list[Box]:
         """Boxes round the pixels of the sparse grid that show something compact which is not in the known boxes."""

@@ -13,7 +13,7 @@ from trackers._frames.arrays import Bytes, Image
 
 INSIDE = 0.5  # px, depth from which on a pixel tells
 TERMS, LINEAR = 6, 3  # of the quadratic polynomial, and of its linear part
-FEWEST_A_TERM, MOST_SHADED = 60, 1500  # pixels for each term; pixels to which it is fitted
+MIN_A_TERM, MAX_SHADED = 60, 1500  # pixels for each term; pixels to which it is fitted
 EXPLAINED = 0.15  # of the variance that fewer terms leave
 RIDGE = 1e-9  # of the mean square of the constant term, added to each: pixels in one line do not tell all terms apart
 
@@ -70,7 +70,7 @@ def _inside(image: Image, depth: Image) -> tuple[Array, Array]:
     for y in range(height):
         for x in range(width):
             count += depth[y, x] > INSIDE
-    every = max(1, -(-count // MOST_SHADED))
+    every = max(1, -(-count // MAX_SHADED))
     places, values = np.empty((-(-count // every), 2)), np.empty((-(-count // every), channels))
     number = 0
     for y in range(height):
@@ -108,7 +108,7 @@ def _best(terms: Array, values: Array) -> Array:
     for i in range(TERMS):
         gram[i, i] += RIDGE * count
     for of_degree in (LINEAR, TERMS):
-        if count < FEWEST_A_TERM * of_degree:
+        if count < MIN_A_TERM * of_degree:
             break
         solved = cholesky_solved(gram, moments, of_degree)
         spread = _residual(gram, moments, squares, solved)

@@ -13,7 +13,7 @@ from trackers._frames.arrays import Flags, Image
 from trackers._frames.working_image import View
 
 ROUND_DISC = 3.0  # px about an expected disc that its outline may take
-FEWEST_SAMPLES = 3  # that must show what is behind
+MIN_SAMPLES = 3  # that must show what is behind
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -47,7 +47,7 @@ def background_without_discs(
     ]
     usable = np.stack(free) if background.usable is None else np.stack(free) & background.usable
     count = usable.sum(axis=0)
-    return KnownBackground(Background(background.stack, usable | (count == 0)), np.asarray(count >= FEWEST_SAMPLES))
+    return KnownBackground(Background(background.stack, usable | (count == 0)), np.asarray(count >= MIN_SAMPLES))
 
 
 def _away(expected_path: ExpectedPath, number: int, x: np.ndarray, y: np.ndarray, step: int) -> Flags:

@@ -19,13 +19,13 @@ from trackers._frames.working_image import View
 WIDEST_SEARCH = 480  # px
 SMOOTHING = 1.5  # px, before the search
 CELL, APART, STEEPEST, ROUNDNESS, SMALLEST = 1.5, 5, 150, 0.8, 4  # of HOUGH_GRADIENT_ALT, as OpenCV suggests
-MOST_CIRCLES = 8  # a frame
+MAX_CIRCLES = 8  # a frame
 LONGEST_GAP = 5  # frames between two circles of one path
 CENTRE_CHANGE = 0.4  # of the radius: how far the centre may go from frame to frame
 RADIUS_CHANGE = 0.25  # log ratio of two radii in successive frames
-LEAST_CHANGE = 4.0  # px, at the size searched, of centre or radius over a path: less is part of the background
+MIN_CHANGE = 4.0  # px, at the size searched, of centre or radius over a path: less is part of the background
 COURSES_TRIED = 6
-MOST_REFINED = 600  # frames
+MAX_REFINED = 600  # frames
 FORM = Form(interior=3, exterior=3, known_background=False)
 MEMORY = 3  # discs from which the next one is predicted
 
@@ -75,7 +75,7 @@ def circles(image: Bytes) -> Array:
     )
     if detected is None:
         return np.empty((0, 3))
-    return np.asarray(detected, dtype=np.float64).reshape(-1, detected.shape[-1])[:MOST_CIRCLES, :3]
+    return np.asarray(detected, dtype=np.float64).reshape(-1, detected.shape[-1])[:MAX_CIRCLES, :3]
 
 
 def path_of_circles(video: FrameSource, view: View) -> ExpectedPath | None:
@@ -92,7 +92,7 @@ def path_of_circles(video: FrameSource, view: View) -> ExpectedPath | None:
     for frame, small_image, found in ahead(seen, video.frames()):
         times[frame.index] = frame.t_s
         nodes += [(frame.index, circle) for circle in found]
-        if len(images) < MOST_REFINED:
+        if len(images) < MAX_REFINED:
             images[frame.index] = small_image
     chain = best_chain(nodes)
     if chain is None:
@@ -111,7 +111,7 @@ def best_chain(nodes: list[tuple[int, Array]]) -> Chain | None:
         if not chain:
             return None
         change = np.ptp([nodes[k][1] for k in chain], axis=0)
-        if change.max() >= LEAST_CHANGE:
+        if change.max() >= MIN_CHANGE:
             return chain
         left -= set(chain)
     return None
@@ -150,7 +150,7 @@ def _cost(circle: Array, other: Array, gap: int) -> float:
 def _nearest(expected_path: ExpectedPath) -> list[int]:
     """The frames with a circle, or near to one that has it."""
     known = np.array(sorted(expected_path.discs))
-    return sorted(expected_path.times, key=lambda frame: int(np.abs(known - frame).min()))[:MOST_REFINED]
+    return sorted(expected_path.times, key=lambda frame: int(np.abs(known - frame).min()))[:MAX_REFINED]
 
 
 def _images(video: FrameSource, search: Search, wanted: Iterable[int]) -> dict[int, Bytes]:

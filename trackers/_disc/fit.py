@@ -17,19 +17,19 @@ from trackers._uncertainty.pixel_correlation import variance_of_sum
 INWARDS = (4.0, 0.25, 12.0)  # px, of the radius, px: how far inside of the outline the body's shading must hold
 OUTWARDS = 6.0  # px outside of the outline in which the background must hold
 MARGIN = 2.0  # px round the pixels that count
-FEWEST_PIXELS = 20
-MOST_FLAT = 4000  # pixels away from the edge that count: more do not help
-MOST_EDGE = 100_000  # pixels of the edge: the edge of a disc is less; what is no disc, and ever softer, takes 60 MB
-MOST_ROUGH = 2000  # pixels of a wide edge, and as many away from it, that find it to a fraction of its width
+MIN_PIXELS = 20
+MAX_FLAT = 4000  # pixels away from the edge that count: more do not help
+MAX_EDGE = 100_000  # pixels of the edge: the edge of a disc is less; what is no disc, and ever softer, takes 60 MB
+MAX_ROUGH = 2000  # pixels of a wide edge, and as many away from it, that find it to a fraction of its width
 THINNED, ENOUGH = 4, 300  # of the pixels one leads near the best fit; pixels that do so
 FARTHEST = (2.0, 0.6)  # px, of the radius: how far a fit may go from where the disc was expected
 RADIUS_RATIO = 1.7  # of the radius expected and fitted
 SOFTEST = 0.5  # of the radius: standard deviation of the blur
-MOST_OVAL = 0.3  # of the radius
-LEAST_OUTLINE = 0.5  # of the pixels on the outline must show it
+MAX_OVAL = 0.3  # of the radius
+MIN_OUTLINE = 0.5  # of the pixels on the outline must show it
 LAST_STEP = 0.5  # of the standard errors of centre and radius
 LARGEST_ERROR = 0.15  # of the radius
-LEAST_CONTRAST = 3.0  # grey levels
+MIN_CONTRAST = 3.0  # grey levels
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -124,8 +124,8 @@ def shows_disc(fitted: DiscFit, expected: Disc) -> bool:
     away = float(np.hypot(disc.x - expected.x, disc.y - expected.y))
     near = away <= max(FARTHEST[0], FARTHEST[1] * expected.radius)
     alike = 1 / RADIUS_RATIO < disc.radius / expected.radius < RADIUS_RATIO
-    round_ = np.sqrt(disc.blur) < SOFTEST * disc.radius and np.hypot(*disc.oval) < MOST_OVAL
-    shown = fitted.outline_share > LEAST_OUTLINE and abs(disc.contrast) > LEAST_CONTRAST
+    round_ = np.sqrt(disc.blur) < SOFTEST * disc.radius and np.hypot(*disc.oval) < MAX_OVAL
+    shown = fitted.outline_share > MIN_OUTLINE and abs(disc.contrast) > MIN_CONTRAST
     return bool(near and alike and round_ and shown and _is_sure(fitted))
 
 
@@ -183,7 +183,7 @@ def fit_disc(
         Whether few pixels do, for a start.
     """
     rows, columns, zone = _chosen(cutout, start, roughly=roughly)
-    if rows.size < FEWEST_PIXELS + form.count:
+    if rows.size < MIN_PIXELS + form.count:
         return None
     values, background, noise = (
         image[rows, columns].astype(np.float64) for image in (cutout.image, cutout.background, cutout.noise)
@@ -214,8 +214,8 @@ def _chosen(cutout: Cutout, start: Disc, *, roughly: bool) -> tuple[Labels, Labe
     edge, inwards, outwards = band(start, cutout.travel)
     near_edge = np.abs(distance) < edge
     chosen = (distance < inwards) & (distance > -outwards) & cutout.usable
-    _thin(chosen, ~near_edge, MOST_ROUGH if roughly else MOST_FLAT)
-    _thin(chosen, near_edge, MOST_ROUGH if roughly else MOST_EDGE)
+    _thin(chosen, ~near_edge, MAX_ROUGH if roughly else MAX_FLAT)
+    _thin(chosen, near_edge, MAX_ROUGH if roughly else MAX_EDGE)
     zone = np.where(near_edge, 1, np.where(distance > 0, 2, 0))
     rows, columns = np.nonzero(chosen)
     return rows, columns, zone[chosen]

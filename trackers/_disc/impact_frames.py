@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from scipy.ndimage import maximum_filter1d
 
 from iris_sysid.types import Array
 
@@ -15,7 +14,7 @@ RARE = 3.0  # times the median change of the track: a motion that bends througho
 EVEN = 1.5  # times its even length in time that both sides may take: gaps
 
 
-def struck_within(t_s: Array, xy: Array, sigma: Array, shutter: float) -> Array:
+def impact_exposure_error(t_s: Array, xy: Array, sigma: Array, shutter: float) -> Array:
     """Additional standard error (n, 2) of positions in whose exposure the velocity changes at once; 0 elsewhere.
 
     Parabolas through three samples on either side lead to where the motions before and after meet. Where that is
@@ -44,7 +43,8 @@ def struck_within(t_s: Array, xy: Array, sigma: Array, shutter: float) -> Array:
     )
     change = velocity_after - velocity
     size = np.maximum(np.hypot(*change.T), 1e-6)
-    foremost = size > FOREMOST * maximum_filter1d(size, 2 * SIDE + 1)
+    near = sliding_window_view(np.pad(size, SIDE, mode="edge"), 2 * SIDE + 1)
+    foremost = size > FOREMOST * near.max(axis=1)
     foremost &= size > RARE * np.median(size)
     meets = ((position - position_after) * change).sum(axis=1) / size**2
     error = np.hypot(doubt, doubt_after) * np.median(sigma[known], axis=0).max()

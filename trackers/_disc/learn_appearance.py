@@ -28,7 +28,7 @@ FRAMES_STUDIED = 5
 FRAMES_CORRELATED = 16  # that tell how the noise of pixels is correlated
 FAST = 1.5  # px moved between two frames from which on the shutter shows
 TOO_FAST = 4.0  # radii moved between two frames: above this the path between them is unknown
-FEWEST_FAST = 3  # frames
+MIN_FAST = 3  # frames
 SHUTTERS = (0.0, 0.25, 0.5, 0.75, 1.0)  # exposure over the time between frames
 FINER = (-0.12, -0.06, 0.0, 0.06, 0.12)  # about the best of them
 FINEST = (-0.04, -0.02, 0.0, 0.02, 0.04)  # about the best of these, once the shading is known
@@ -186,13 +186,13 @@ def _appearance_of(fitter: DiscFitter, body: int, frames: Mapping[int, Frame]) -
     fast = sorted(
         (number for number in seen if FAST < speed[number] < TOO_FAST * radius), key=lambda number: -speed[number]
     )[:FRAMES_STUDIED]
-    if len(fast) >= FEWEST_FAST:
+    if len(fast) >= MIN_FAST:
         appearance = replace(appearance, form=PLAIN, longest_shutter=max(SHUTTERS))
         for shutters, beyond in ((SHUTTERS, 2), (FINER, 1)):
             trial = _with_shutters(appearance, shutters)
             appearance = trials.climbed(trial, appearance.shutter, fast, beyond=beyond, shown=False)
     appearance = _shaded(trials, replace(appearance, longest_shutter=appearance.shutter), spread)
-    if len(fast) >= FEWEST_FAST:
+    if len(fast) >= MIN_FAST:
         longest = min(max(SHUTTERS), appearance.shutter + max(FINEST))
         appearance = replace(appearance, longest_shutter=longest)
         appearance = trials.climbed(_with_shutters(appearance, FINEST), appearance.shutter, fast, beyond=1)

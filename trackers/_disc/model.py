@@ -17,7 +17,7 @@ SHARPEST = 0.004  # px^2, variance of the sharpest edge
 FIRST_BLUR = 0.1  # px^2, variance of the edge at the start
 SMALLEST = 0.8  # px, radius
 SUBSTEP = 1.5  # px of motion between two positions within the exposure
-MOST_SUBSTEPS = 16
+MAX_SUBSTEPS = 16
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,7 +175,7 @@ class DiscModel:
     @property
     def _scene(self) -> tuple[Array, Array, Array, Array, NDArray[np.int64], Array, int]:
         """What the kernels take: see :func:`equations`."""
-        parts = min(max(math.ceil(self.motion.length / SUBSTEP), 1), MOST_SUBSTEPS)
+        parts = min(max(math.ceil(self.motion.length / SUBSTEP), 1), MAX_SUBSTEPS)
         return self.x, self.y, self.background, self.terms, self._counts, self.motion.way, parts
 
     def _work(self) -> tuple[Array, Array, Array, Array, Array]:

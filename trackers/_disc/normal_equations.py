@@ -11,7 +11,7 @@ from trackers._disc.coverage import disc_coverage
 from trackers._disc.robust_least_squares import HUBER, RIDGE, TUKEY, Labels
 
 ZONES = 3
-LEAST_SHARE = 0.1  # of a step that goes back
+MIN_SHARE = 0.1  # of a step that goes back
 
 
 @kernel(nogil=True)
@@ -192,7 +192,7 @@ def gauss_newton(
         scale = np.sqrt(np.diag(information))
         step = bounded_step(parameters, information, gradient, longest, lowest)
         back = (step * scale * before).sum() < 0
-        share = max(LEAST_SHARE, share / 2) if back else min(1.0, share * 1.5)
+        share = max(MIN_SHARE, share / 2) if back else min(1.0, share * 1.5)
         before = step * scale
         step = share * step
         parameters = np.maximum(parameters + step, lowest)

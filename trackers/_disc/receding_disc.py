@@ -11,8 +11,8 @@ from trackers._frames.working_image import View
 
 # Chosen on rendered falls (640x360, 960x540), where 7 to 40 of 40 samples show it and its radius changes 1.24 to 2.8
 # times; in 27 real clips no circle that 6 samples show changes more than 1.18 times where one body is followed
-FEWEST_SAMPLES = 6
-LEAST_RATIO = 1.2  # largest radius over smallest, the one extreme of each left out: a single circle may be another's
+MIN_SAMPLES = 6
+MIN_RATIO = 1.2  # largest radius over smallest, the one extreme of each left out: a single circle may be another's
 
 
 def receding_disc(frames: Sequence[Frame], view: View) -> dict[int, Disc]:
@@ -39,7 +39,7 @@ def receding_disc(frames: Sequence[Frame], view: View) -> dict[int, Disc]:
     ]
     chain = [nodes[k] for k in best_chain(nodes) or ()]
     radii = sorted(float(circle[2]) for _, circle in chain)
-    if len(radii) < FEWEST_SAMPLES or radii[-2] < LEAST_RATIO * radii[1]:
+    if len(radii) < MIN_SAMPLES or radii[-2] < MIN_RATIO * radii[1]:
         return {}
     discs: dict[int, Disc] = {}
     for number, circle in chain:

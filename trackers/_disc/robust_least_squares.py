@@ -18,8 +18,8 @@ ROUNDS = ((8, 3.0), (8, 0.5), (6, 0.03))  # most steps of each, and the step ove
 HUBER = 1.5  # standard deviations from which a residual counts linearly: the second round
 TUKEY = 6.0  # standard deviations from which a residual does not count: 98 % efficient on normal noise
 INLIER, TRUNCATION = 3.0, 0.9866  # standard deviation of a normal distribution cut at +-3 sigma
-FEWEST_IN_ZONE = 8  # pixels from which a zone has its own noise
-LEAST_KNOWN = 1e-15  # of the largest eigenvalue of the information: what is known less is not known at all
+MIN_IN_ZONE = 8  # pixels from which a zone has its own noise
+MIN_KNOWN = 1e-15  # of the largest eigenvalue of the information: what is known less is not known at all
 RIDGE = 1e-12  # of the diagonal: a parameter that the pixels do not show stays where it is
 
 Labels = NDArray[np.int64]
@@ -142,7 +142,7 @@ def robust_fit(model: Model, start: Start, pixels: Pixels, few: tuple[Model, Pix
 def _inverse(information: Array) -> Array:
     """The pseudo-inverse (p, p) of an information matrix."""
     values, vectors = np.linalg.eigh(information)
-    known = values > LEAST_KNOWN * values[-1]
+    known = values > MIN_KNOWN * values[-1]
     return np.asarray((vectors[:, known] / values[known]) @ vectors[:, known].T, dtype=np.float64)
 
 
@@ -152,7 +152,7 @@ def _measured_noise(equations: Equations, pixels: Pixels) -> Array:
     ratio, factors = np.abs(equations.residual) / pixels.noise, np.ones(len(equations.of_zones))
     for zone, information in enumerate(equations.of_zones):
         count, scale = inlier_scale(ratio, pixels.zone, zone)
-        if count >= FEWEST_IN_ZONE:
+        if count >= MIN_IN_ZONE:
             taken_up = float((information * covariance).sum()) / count  # mean of the leverages
             factors[zone] = max(1.0, scale / np.sqrt(np.clip(1.0 - taken_up, 0.2, 1.0)))
     return np.asarray(pixels.noise * factors[pixels.zone])

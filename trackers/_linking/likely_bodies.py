@@ -11,7 +11,7 @@ from iris_sysid.types import FrameSource
 from trackers._detection.detect_frames import DetectionSetup, measure_rough
 from trackers._detection.detection import Detection, FrameDetections
 from trackers._linking.frame_to_frame import Linking, Tracklet
-from trackers._linking.select_bodies import CAUTIOUS_REACH, FEWEST_DETECTIONS, FIRST_REACH
+from trackers._linking.select_bodies import CAUTIOUS_REACH, FIRST_REACH, MIN_DETECTIONS
 
 SPARE, NEARLY = 2, 0.3  # times as many as are meant are, if worth so much of them: a hand may go as far as its body
 
@@ -38,7 +38,7 @@ class LikelyBodies:
         worth = [
             self._paths[id(tracklet)].extent * len(tracklet.detections) * looks(tracklet) for tracklet in tracklets
         ]
-        young = [looks(tracklet) * (len(tracklet.detections) <= FEWEST_DETECTIONS) for tracklet in tracklets]
+        young = [looks(tracklet) * (len(tracklet.detections) <= MIN_DETECTIONS) for tracklet in tracklets]
         likely = self._best(worth, NEARLY) | self._best(young, 0.0)
         return [k in likely for k in range(len(tracklets))]
 

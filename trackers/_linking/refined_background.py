@@ -13,7 +13,7 @@ from trackers._linking.frame_to_frame import Tracklet
 
 OFTEN = 0.4  # of the samples: where a body is more often, it may have become background
 ROUND_BODY = 1.1  # times the radius of the disc of the same area, for a disc; more for a long shape
-FEWEST_SAMPLES = 3  # that must show what is behind
+MIN_SAMPLES = 3  # that must show what is behind
 
 
 def refined_setup(setup: DetectionSetup, tracklets: Sequence[Tracklet]) -> DetectionSetup | None:
@@ -26,7 +26,7 @@ def refined_setup(setup: DetectionSetup, tracklets: Sequence[Tracklet]) -> Detec
         return None
     known = setup.detector.background.usable
     usable = free if known is None else free & known
-    too_few = usable.sum(axis=0) < FEWEST_SAMPLES
+    too_few = usable.sum(axis=0) < MIN_SAMPLES
     again = setup.with_background_from(usable | (too_few if known is None else too_few & known))
     return again if _shows_another(setup, again) else None
 

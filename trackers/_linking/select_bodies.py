@@ -16,9 +16,9 @@ from trackers._linking.frame_to_frame import Tracklet, link
 FIRST_REACH = 0.25  # of the image's diagonal: how far a body may go between its first two detections
 CAUTIOUS_REACH = 0.03  # of the diagonal: how far from its prediction it may be among anything that moves
 BOLD_REACH = 0.25  # the same among what looks like it
-FEWEST_DETECTIONS = 3
-LEAST_EXTENT = 3.0  # px, diagonal of the box that holds a tracklet: less is not motion
-LEAST_OVERLAP = 0.3  # of the shorter tracklet: two tracklets seen together as long are two bodies
+MIN_DETECTIONS = 3
+MIN_EXTENT = 3.0  # px, diagonal of the box that holds a tracklet: less is not motion
+MIN_OVERLAP = 0.3  # of the shorter tracklet: two tracklets seen together as long are two bodies
 SHADOW_OVERLAP = 0.6  # of the shadow's tracklet
 SHADOW_SHARPNESS = 0.7  # of the body's: a shadow's outline is softer
 SHADOW_LIKENESS = 0.9  # correlation of a shadow's motion with its body's
@@ -95,7 +95,7 @@ def _main_tracklets(tracklets: Sequence[Tracklet], count: int) -> list[Tracklet]
     moving = [
         tracklet
         for tracklet in tracklets
-        if len(tracklet.detections) >= FEWEST_DETECTIONS and extent(tracklet) >= LEAST_EXTENT
+        if len(tracklet.detections) >= MIN_DETECTIONS and extent(tracklet) >= MIN_EXTENT
     ]
     if not moving:
         raise TrackingError(
@@ -104,7 +104,7 @@ def _main_tracklets(tracklets: Sequence[Tracklet], count: int) -> list[Tracklet]
         )
     chosen: list[Tracklet] = []
     for tracklet in sorted(moving, key=score, reverse=True):
-        seen_with_all = all(_overlap_in_time(tracklet, other) >= LEAST_OVERLAP for other in chosen)
+        seen_with_all = all(_overlap_in_time(tracklet, other) >= MIN_OVERLAP for other in chosen)
         if len(chosen) < count and seen_with_all and not any(is_shadow(tracklet, other) for other in chosen):
             chosen.append(tracklet)
     if len(chosen) < count:
@@ -127,7 +127,7 @@ def is_shadow(tracklet: Tracklet, body: Tracklet) -> bool:
     ):
         return False
     common = tracklet.frames & body.frames
-    if len(common) < max(FEWEST_DETECTIONS, SHADOW_OVERLAP * len(tracklet.frames)):
+    if len(common) < max(MIN_DETECTIONS, SHADOW_OVERLAP * len(tracklet.frames)):
         return False
     steps = [np.diff([(s.x, s.y) for s in path.detections if s.frame in common], axis=0) for path in (tracklet, body)]
     lengths = np.linalg.norm(steps[0]) * np.linalg.norm(steps[1])
@@ -155,8 +155,8 @@ def with_fragments(bodies: list[Tracklet], fragments: list[Tracklet]) -> list[Tr
 def _trimmed(detections: list[Detection]) -> list[Detection]:
     """The detections without those at the end that lie off where the ones before them lead."""
     kept = list(detections)
-    while len(kept) > FEWEST_DETECTIONS:
-        before, end = Tracklet(kept[-FEWEST_DETECTIONS:-1]), kept[-1]
+    while len(kept) > MIN_DETECTIONS:
+        before, end = Tracklet(kept[-MIN_DETECTIONS:-1]), kept[-1]
         miss = np.hypot(*(before.predicted(end.t_s) - (end.x, end.y)))
         adjacent = abs(end.frame - before.last.frame) == 1
         if miss <= (END_MARGIN if adjacent else LONE_END_MARGIN) * before.reach(end.t_s):

@@ -10,15 +10,17 @@ from numpy.typing import NDArray
 
 from iris_sysid.types import Array, Track
 from trackers._detection.detection import Detection, FrameDetections
-from trackers._disc.impact_frames import struck_within
+from trackers._disc.impact_frames import impact_exposure_error
 from trackers._linking.frame_to_frame import Tracklet
 from trackers._linking.select_bodies import held_frames
-from trackers._uncertainty.changed_area import joined_by_another, shifted_by_area
+from trackers._uncertainty.changed_area import area_outliers, shifted_by_area
 from trackers._uncertainty.changed_shape import changed_shape
 from trackers._uncertainty.error_correlation import is_moving, outline_autocorrelation, outline_scatter
 from trackers._uncertainty.excess_scatter import ErrorModel, with_scatter
 
-OUTLINE_OF_WHITE = 1.2  # lobes of the coverage over errors of the centroid, on drawn discs with noise, without loss
+EDGE_TO_CENTROID_NOISE_RATIO = (
+    1.2  # lobes of the coverage over errors of the centroid, on drawn discs with noise, without loss
+)
 # times the lobes by noise: up to 1.35 on drawn discs without loss (plain and textured wall), 5 to 7 with H.264
 BEYOND = 1.5
 SHUTTER = 0.5  # exposure over the time between frames, where it is not measured: what cameras take by rule
@@ -53,7 +55,7 @@ def track_of(
     table[[row_of[detection.frame] for detection in tracklet.detections]] = [
         _row(detection) for detection in tracklet.detections
     ]
-    table[alone & joined_by_another(table[:, 4])] = np.nan
+    table[alone & area_outliers(table[:, 4])] = np.nan
     hand = np.zeros(len(all_detections), dtype=np.bool_)
     hand[list(held_frames(tracklet, all_detections))] = True
     t_s = np.array([frame_detections.t_s for frame_detections in all_detections])
@@ -64,7 +66,7 @@ def track_of(
     lobes = np.array([detection.centre.lobes for detection in free])
     errors = error_model(rows, table[:, :2], radius, lobes)
     sigma = np.column_stack([with_scatter(t_s, table[:, axis], table[:, axis + 2], errors) for axis in (0, 1)])
-    struck = struck_within(t_s, table[:, :2], sigma, SHUTTER)
+    struck = impact_exposure_error(t_s, table[:, :2], sigma, SHUTTER)
     shifted = shifted_by_area(table[:, 4], radius) if alone else np.zeros(len(radius))
     if rows.size:
         shifted[rows] = np.hypot(shifted[rows], changed_shape(lobes, radius[rows], errors.moving[rows]))
@@ -117,7 +119,7 @@ def error_model(
         return ErrorModel(moving)
     outline = number[rows], xy_px[rows], lobes, radius_px[rows]
     measured, scatter = outline_autocorrelation(*outline), outline_scatter(*outline)
-    ratio = OUTLINE_OF_WHITE
+    ratio = EDGE_TO_CENTROID_NOISE_RATIO
     if noise_px is not None and scatter is not None:
         scatter, ratio = _beyond(scatter, noise_px), 1.0  # the position's own error holds what is left at its outline
     if measured is None:

@@ -36,9 +36,9 @@ OFF_COLOUR = 0.5  # of the contrast: a pixel farther off the line from backgroun
 FULLEST = 95  # percentile over the samples: in the others bodies are hidden or have left
 RING = 4  # px round a part in which its surroundings are seen
 LIKE = 0.35  # of the contrast: a sample's pixel so near to a body's colour shows it, whatever the background is
-FEWEST_SAMPLES = 3  # that must show what is behind
+MIN_SAMPLES = 3  # that must show what is behind
 SMALLEST = 0.2  # of the area of the largest class: a smaller class is a part of a body
-FEWEST = 4  # detections of a class
+MIN_DETECTIONS = 4  # detections of a class
 TOO_MUCH = 1.5  # times the area of all bodies
 INPAINT_RADIUS = 5  # px round the never visible background from which it is continued
 MOVED = 1.0  # px between two samples: less is one thing that stands still, counted once
@@ -102,7 +102,7 @@ def learn_classes(setup: DetectionSetup, count: int) -> tuple[DetectionSetup, li
     background = background_level(setup.background_range)
     known = _classes_by_colour([part for image in images for part in _isolated_parts(setup, image, background)])[:count]
     free = _free(images, known, background, count)
-    unseen = free.sum(axis=0) < FEWEST_SAMPLES
+    unseen = free.sum(axis=0) < MIN_SAMPLES
     setup = setup.with_background_from(free | unseen)
     if unseen.any():
         setup = _filled_in(setup, free | unseen, unseen)
@@ -303,7 +303,7 @@ def _classes_by_colour(parts: Sequence[_IsolatedPart]) -> list[AppearanceClass]:
         elif not any(np.hypot(part.x - other.x, part.y - other.y) < MOVED for other in alike[0]):
             alike[0].append(part)
     strongest = max((part.contrast for part in parts), default=0.0)
-    groups = [group for group in groups if len(group) >= FEWEST and group[0].contrast > FAINTEST * strongest]
+    groups = [group for group in groups if len(group) >= MIN_DETECTIONS and group[0].contrast > FAINTEST * strongest]
     groups.sort(key=lambda group: -sum(part.contrast * part.area for part in group))
     return [_class_of(group) for group in groups]
 

@@ -16,12 +16,12 @@ from trackers._detection.foreground import SQUARE
 from trackers._frames.arrays import Bytes
 from trackers._frames.working_image import View
 from trackers._linking.frame_to_frame import Tracklet
-from trackers._multi_body.appearance_classes import FEWEST_SAMPLES, AppearanceClass
+from trackers._multi_body.appearance_classes import MIN_SAMPLES, AppearanceClass
 from trackers._multi_body.pixel_assignment import CoveredPixels
 from trackers._multi_body.predict_and_assign import FrameAssignment, follow_bodies
 from trackers._multi_body.track_together import measure_bodies
 
-MOST_LABELS = 64  # in one mask: more are the grey levels of a lossy video
+MAX_LABELS = 64  # in one mask: more are the grey levels of a lossy video
 SMALLEST = 6  # px of a label in a frame, at the size of the search
 
 
@@ -105,7 +105,7 @@ def _values(images: Sequence[Bytes]) -> list[int]:
     values = [int(value) for value in levels if value]
     if not values:
         raise TrackingError("the masks are empty: every pixel of every mask is 0")
-    if len(values) <= MOST_LABELS:
+    if len(values) <= MAX_LABELS:
         return values
     for mask in images:
         mask[:] = np.where(mask > max(values) // 2, 255, 0)
@@ -138,4 +138,4 @@ def _without_bodies(setup: DetectionSetup, images: dict[int, Bytes]) -> Detectio
             for number in setup.numbers
         ]
     )
-    return setup.with_background_from(usable | (usable.sum(axis=0) < FEWEST_SAMPLES))
+    return setup.with_background_from(usable | (usable.sum(axis=0) < MIN_SAMPLES))

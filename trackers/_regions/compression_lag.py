@@ -15,10 +15,10 @@ import numpy as np
 from iris_sysid.types import Array, Mask
 
 HALF_WINDOW = 6  # frames on either side of a key frame by which its jump is measured
-FEWEST_FRAMES = 4  # of them that are needed on each side
+MIN_FRAMES = 4  # of them that are needed on each side
 FIRST_GUESS = 1.0  # grey levels: a change by as much brings the full lag
 SHALLOWEST = 0.2  # grey levels, the least change that does
-LEAST_SHARE = 0.3  # of the full lag must be there at a key frame that counts
+MIN_SHARE = 0.3  # of the full lag must be there at a key frame that counts
 TYPICAL = 0.7  # grey levels: lag of the rendered lamps at a phone's bit rate, where no key frame shows it
 KEY_ERROR = 0.15  # of the usual jump: error of a region's mean in a key frame; 0.1 grey levels in the rendered lamps
 ROUNDS = 3
@@ -42,7 +42,7 @@ def lag_of(grey: Array, key: Mask) -> Lag:
     for _ in range(ROUNDS):
         reached = _reached(grey, key, full)
         share = reached[at - 1]  # of the full lag, just before the key frame
-        counted = np.abs(share) >= LEAST_SHARE
+        counted = np.abs(share) >= MIN_SHARE
         if not counted.any():
             return Lag(np.zeros(grey.size), TYPICAL * np.stack([reached, reached * np.linspace(-1, 1, grey.size)]))
         size = jump[counted] / share[counted]
@@ -68,7 +68,7 @@ def _jump(grey: Array, key: Mask, at: int) -> tuple[float, float] | None:
     near = np.arange(max(0, at - HALF_WINDOW), min(grey.size, at + HALF_WINDOW + 1))
     near = near[~key[near]]
     after = near > at
-    if min(np.count_nonzero(after), np.count_nonzero(~after)) < FEWEST_FRAMES:
+    if min(np.count_nonzero(after), np.count_nonzero(~after)) < MIN_FRAMES:
         return None
     u = (near - at) / HALF_WINDOW
     terms = np.stack([np.ones(u.size), u, u**2, after.astype(float)], axis=1)

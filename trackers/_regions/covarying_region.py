@@ -11,10 +11,10 @@ from trackers._frames.arrays import Bytes, Flags, Image
 
 SHARES = (0.5, 0.3, 0.15)  # of the greatest change: a pixel that changes less is left out
 CLIPPED = (2, 250)  # grey levels up to, or from, which a pixel may be cut off
-FEWEST_PIXELS = 9
+MIN_PIXELS = 9
 SMOOTHING = 1.0  # px: the seed is not a single noisy pixel
 ROUNDS = 3
-LEAST_CHANGE = 4.0  # times the noise of a pixel
+MIN_CHANGE = 4.0  # times the noise of a pixel
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -54,7 +54,7 @@ def region_that_changes(stack: Bytes, free: Flags, clipped: tuple[float, float] 
         change = cv2.GaussianBlur(own, (0, 0), SMOOTHING)
         strength = np.where(free, np.abs(change), 0.0)
         top = np.unravel_index(int(np.argmax(strength)), strength.shape)
-        if strength[top] < LEAST_CHANGE * noise:
+        if strength[top] < MIN_CHANGE * noise:
             return None
         mask = _connected((strength > SHARES[0] * strength[top]) & (np.sign(change) == np.sign(change[top])), top)
         series = _principal_series(deviation, mask)
@@ -62,12 +62,12 @@ def region_that_changes(stack: Bytes, free: Flags, clipped: tuple[float, float] 
     for share in SHARES:
         wide = _connected((strength > share * strength[top]) & (np.sign(change) == np.sign(change[top])), top)
         uncut = wide & ~cut_off & (np.abs(own) > share * strength[top])  # not a neighbour that the smoothing reaches
-        if np.count_nonzero(uncut) >= FEWEST_PIXELS:
+        if np.count_nonzero(uncut) >= MIN_PIXELS:
             mask, clipped_share = uncut, float(cut_off[wide].mean())
             break
-    if np.count_nonzero(mask) < FEWEST_PIXELS:
+    if np.count_nonzero(mask) < MIN_PIXELS:
         return None
-    anywhere = free & (deviation.std(axis=0) > LEAST_CHANGE / 2 * noise)
+    anywhere = free & (deviation.std(axis=0) > MIN_CHANGE / 2 * noise)
     explained_share = min(
         _explained_share(deviation, series, mask, noise),
         _explained_share(deviation, series, anywhere, noise),

@@ -24,8 +24,8 @@ Change = Literal["none", "gain", "room light", "lamp light", "unclear"]
 
 AWAY = 0.04  # of the image's width: the background begins so far from a lamp
 DARKEST, BRIGHTEST = 0.12, 0.92  # codes of background pixels that count
-FEWEST_PIXELS, MOST_PIXELS = 100, 4000
-LEAST_CHANGE = 0.004  # of the background's light: less is the noise of compression
+MIN_PIXELS, MAX_PIXELS = 100, 4000
+MIN_CHANGE = 0.004  # of the background's light: less is the noise of compression
 CLEARLY_SMOOTHER = 0.7  # times the roughness: a correction that leaves less is taken
 SLOW_CHANGE = 0.02  # of the background's light: a smooth change from which on the lamp's decay is in doubt
 TRUSTED = 0.1  # of a correction is its standard error
@@ -70,13 +70,13 @@ def background_of(view: View, samples: Sequence[Frame], lamps: Flags, curve: Lin
     reach = 2 * int(AWAY * stack.shape[2]) + 1
     near = cv2.dilate(lamps.astype(np.uint8), np.ones((reach, reach), np.uint8)) > 0
     usable = np.all((stack > low) & (stack < high), axis=0) & ~near
-    if np.count_nonzero(usable) < FEWEST_PIXELS:
+    if np.count_nonzero(usable) < MIN_PIXELS:
         return None
     smooth = np.stack([cv2.GaussianBlur(image, (0, 0), 2.0) for image in stack])
     relative = np.ptp(smooth, axis=0) / smooth.mean(axis=0)
     usable &= relative <= np.median(relative[usable])
     rows, columns = np.nonzero(usable)
-    stride = -(-rows.size // MOST_PIXELS)
+    stride = -(-rows.size // MAX_PIXELS)
     middle = view.step // 2
     pixels = Pixels(rows[::stride] * view.step + middle + view.top, columns[::stride] * view.step + middle + view.left)
     background = Background(pixels, curve)
@@ -93,7 +93,7 @@ def exposure_of(light: Array, background: Array, noise: float) -> Exposure:
     nothing = np.zeros((0, light.size))
     seen = background / np.median(background)
     ratio = _without_lamp(seen, light)
-    size, least = _range(ratio), max(LEAST_CHANGE, CLEARLY * noise)
+    size, least = _range(ratio), max(MIN_CHANGE, CLEARLY * noise)
     if size < least:
         return Exposure("none" if _range(seen) < least else "lamp light", size, light, nothing)
     room = float(_bends(light) @ _bends(ratio) / (_bends(ratio) @ _bends(ratio)))

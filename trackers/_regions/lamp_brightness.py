@@ -12,17 +12,17 @@ from iris_sysid.errors import TrackingError
 from iris_sysid.types import Array, Frame
 from trackers._frames.arrays import MAD_TO_SD, QUANTISATION_SD, Bytes, Flags
 from trackers._frames.working_image import View
-from trackers._regions.covarying_region import FEWEST_PIXELS, Region
+from trackers._regions.covarying_region import MIN_PIXELS, Region
 from trackers._regions.linear_light import LinearLight, Pixels, cut_off, pixels_of
 from trackers._uncertainty.pixel_correlation import noise_correlation, variance_of_sum
 
-MOST_TERMS = 3  # level, slope and bend of each pixel against the mean of the region
-MOST_PIXELS = 20_000  # by which the noise of a frame is measured
+MAX_TERMS = 3  # level, slope and bend of each pixel against the mean of the region
+MAX_PIXELS = 20_000  # by which the noise of a frame is measured
 OUTLIER = 4.0  # standard deviations
 PRIOR_PIXELS = 30  # as many of the noise in all samples count beside those of a frame: small regions have few
-LEAST_UNCUT = 0.05  # of a region must never be cut off at white, to be measured by those pixels alone
-MOST_CUT = 0.02  # of the pixels may be cut off in a frame that is measured
-FEWEST_SAMPLES = 3
+MIN_UNCUT = 0.05  # of a region must never be cut off at white, to be measured by those pixels alone
+MAX_CUT = 0.02  # of the pixels may be cut off in a frame that is measured
+MIN_SAMPLES = 3
 
 
 def luma_of(view: View, frame: Frame) -> Bytes:
@@ -89,12 +89,12 @@ def lamp_of(region: Region, view: View, samples: Sequence[Frame], curve: LinearL
     values, slopes = np.stack([values for values, _ in light]), np.array([slope for _, slope in light])[:, np.newaxis]
     mean = values.mean(axis=1)
     range_ = (float(mean.min()), float(mean.max()))
-    terms = _powers(mean, range_, min(MOST_TERMS, len(values) - 1))
+    terms = _powers(mean, range_, min(MAX_TERMS, len(values) - 1))
     curves = np.asarray(np.linalg.lstsq(terms, values, rcond=None)[0], dtype=np.float64)
     residual = values - terms @ curves
     freedom = len(values) - terms.shape[1]
     variance = (residual**2).sum(axis=0) / freedom
-    stride = max(1, values.shape[1] // MOST_PIXELS)
+    stride = max(1, values.shape[1] // MAX_PIXELS)
     centre, sigma_centre = _middle(mask, curves[1], variance / ((terms[:, 1] - terms[:, 1].mean()) ** 2).sum())
     grey = residual / slopes
     return Lamp(
@@ -115,7 +115,7 @@ def lamp_of(region: Region, view: View, samples: Sequence[Frame], curve: LinearL
 def _without_cut(mask: Flags, cut: Flags) -> tuple[Flags, Flags]:
     """The mask (h, w) of the pixels that are cut off in no sample, and their flags (k, m); all where too few remain."""
     whole = ~cut.any(axis=0)
-    if np.count_nonzero(whole) < max(FEWEST_PIXELS, LEAST_UNCUT * whole.size):
+    if np.count_nonzero(whole) < max(MIN_PIXELS, MIN_UNCUT * whole.size):
         return mask, cut
     kept = np.zeros_like(mask)
     kept[mask] = whole
@@ -124,8 +124,8 @@ def _without_cut(mask: Flags, cut: Flags) -> tuple[Flags, Flags]:
 
 def _uncut(samples: Sequence[Frame], cut: Flags) -> list[Frame]:
     """The sampled frames in which few of the pixels are cut off (k, m)."""
-    chosen = [frame for frame, flags in zip(samples, cut, strict=True) if flags.mean() <= MOST_CUT]
-    if len(chosen) < FEWEST_SAMPLES:
+    chosen = [frame for frame, flags in zip(samples, cut, strict=True) if flags.mean() <= MAX_CUT]
+    if len(chosen) < MIN_SAMPLES:
         raise TrackingError(
             f"the region is cut off at white in all but {len(chosen)} of {len(samples)} sampled frames: nothing tells "
             "how bright it was; film it with a shorter exposure, or use the dimmer part of the clip (--start)"

@@ -11,20 +11,20 @@ from iris_sysid.errors import TrackingError
 from iris_sysid.types import Array
 from trackers._frames.arrays import MAD_TO_SD, Bytes
 
-LEAST_CHANGE = 12.0  # grey levels between full and empty
-LEAST_HEIGHT = 4  # px that the surface sweeps
-LEAST_WIDTH = 8  # px
+MIN_CHANGE = 12.0  # grey levels between full and empty
+MIN_HEIGHT = 4  # px that the surface sweeps
+MIN_WIDTH = 8  # px
 FULL_HEIGHT = 0.8  # of the tallest column: the vessel is as wide as its columns are swept so far
 WALL = 0.08  # of the width, on either side: there the liquid climbs the wall
 STEPWISE = 0.8  # of the changing pixels must be one step in time
 STRIPS = 24  # into which the width is divided
 CLEAR = 4  # px above or below the surface from which a pixel shows one side alone
 WINDOW = 10  # px above and below the surface whose pixels are compared
-LEAST_ROOM = 3  # px that must show on either side of the surface
+MIN_ROOM = 3  # px that must show on either side of the surface
 TUKEY = 5.0  # standard deviations from which a strip does not count
-MOST_OFF = 0.5  # of the strips may not keep to the surface
+MAX_OFF = 0.5  # of the strips may not keep to the surface
 SMALLEST_SCATTER = 5e-3  # px: of strips that agree to the last digit in an image without noise
-LEAST_CONTRAST = 4.0  # grey levels, of a strip
+MIN_CONTRAST = 4.0  # grey levels, of a strip
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,8 +46,8 @@ def vessel_of(stack: Bytes) -> Vessel:
     """The largest upright region of samples (k, h, w) whose pixels change; TrackingError when none do."""
     change = cv2.GaussianBlur((stack.max(axis=0) - stack.min(axis=0)).astype(np.float32), (0, 0), 1.0)
     high = float(np.percentile(change, 99.9))
-    mask = (change > max(LEAST_CHANGE, 0.4 * high)).astype(np.uint8)
-    mask = cv2.morphologyEx(mask, cv2.MORPH_OPEN, np.ones((LEAST_HEIGHT, LEAST_WIDTH), np.uint8))
+    mask = (change > max(MIN_CHANGE, 0.4 * high)).astype(np.uint8)
+    mask = cv2.morphologyEx(mask, cv2.MORPH_OPEN, np.ones((MIN_HEIGHT, MIN_WIDTH), np.uint8))
     count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=4)
     if count < 2:
         raise TrackingError(
@@ -58,7 +58,7 @@ def vessel_of(stack: Bytes) -> Vessel:
     heights = (labels == largest).sum(axis=0)
     columns = np.flatnonzero(heights >= FULL_HEIGHT * heights.max())
     rows = np.flatnonzero((labels == largest)[:, columns].mean(axis=1) > 0.5)
-    if columns.size < LEAST_WIDTH or rows.size < LEAST_HEIGHT:
+    if columns.size < MIN_WIDTH or rows.size < MIN_HEIGHT:
         raise TrackingError(
             f"no surface moves in the clip: the region that changes is {columns.size} px wide and {rows.size} px high; "
             "restrict the region with --roi"
@@ -114,7 +114,7 @@ class Surface:
         """
         rough = self._rough(strips)
         for _ in range(2):
-            if not LEAST_ROOM <= rough + 0.5 <= len(strips) - LEAST_ROOM:
+            if not MIN_ROOM <= rough + 0.5 <= len(strips) - MIN_ROOM:
                 return float("nan"), float("nan")
             heights = self._filled(strips, rough)
             row, sigma = _midway(heights, self.x)
@@ -142,7 +142,7 @@ class Surface:
         if under.any():
             below = below + (seen - below)[under].mean(axis=0)
         contrast = (below - above).mean(axis=0)
-        contrast = np.where(np.abs(contrast) < LEAST_CONTRAST, np.nan, contrast)
+        contrast = np.where(np.abs(contrast) < MIN_CONTRAST, np.nan, contrast)
         edge = ~(over | under)
         share = (seen - above)[edge].sum(axis=0) / contrast
         return np.asarray(rows[edge][-1] + 0.5 - share)
@@ -175,7 +175,7 @@ def _midway(heights: Array, x: Array) -> tuple[float, float]:
     weight = known.astype(np.float64)
     heights = np.where(known, heights, 0.0)
     for _ in range(5):
-        if np.count_nonzero(weight) <= MOST_OFF * x.size:
+        if np.count_nonzero(weight) <= MAX_OFF * x.size:
             return float("nan"), float("nan")
         information = (terms * weight[:, np.newaxis]).T @ terms
         line = np.linalg.solve(information, (terms * weight[:, np.newaxis]).T @ heights)

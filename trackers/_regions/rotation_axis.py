@@ -18,11 +18,11 @@ SPOKES, RINGS = 360, 24  # of the polar image
 QUARTER = SPOKES // 4  # a body may turn by less than this between two frames
 LEARNING = 0.1  # share of each new frame in the polar image that the next is compared with
 REACH = 0.98  # of the foreground lies within this radius of the axis
-FEWEST_PIXELS = 12  # that must differ
+MIN_PIXELS = 12  # that must differ
 TRIPLES = 400  # of frames that are tried for the circle of the middles
 OWN_AXIS = 0.05  # of the reach: a middle that stays so near one position is taken to turn about it
 ROUND = 0.15  # of the circle's radius: middles may scatter about it by so much
-FEWEST_FRAMES = 3
+MIN_FRAMES = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,8 +51,8 @@ def axis_of(images: Sequence[Image]) -> Axis:
     else shows, such as a hand, are outvoted. TrackingError when nothing differs, or the centroid does not follow a
     circle.
     """
-    shown = [image for image in images if np.count_nonzero(image) >= FEWEST_PIXELS]
-    if len(shown) < FEWEST_FRAMES:
+    shown = [image for image in images if np.count_nonzero(image) >= MIN_PIXELS]
+    if len(shown) < MIN_FRAMES:
         raise TrackingError(
             "nothing in the clip moves, so nothing rotates; check --start and --stop, and --roi and --colour if given"
         )
@@ -88,7 +88,7 @@ def _circle(middles: Array, shape: tuple[int, ...]) -> Array:
         if off < least:
             best, least = circle, off
     inside = _off(middles, best) <= 3 * MAD_TO_SD * least + 1e-9
-    if np.count_nonzero(inside) >= FEWEST_FRAMES:
+    if np.count_nonzero(inside) >= MIN_FRAMES:
         best = _through(middles[inside])
     scatter = float(np.median(_off(middles, best)))
     in_picture = -0.5 <= best[0] < shape[1] and -0.5 <= best[1] < shape[0]
@@ -129,7 +129,7 @@ class Middle:
 
 def middle_of(images: Sequence[Image], axis: Axis, angles: Array) -> Middle:
     """The middle of the foreground in images turned by some angles (k,) rad, at angle zero."""
-    shown = [k for k, image in enumerate(images) if np.count_nonzero(image) >= FEWEST_PIXELS]
+    shown = [k for k, image in enumerate(images) if np.count_nonzero(image) >= MIN_PIXELS]
     x, y = (np.array([_middle(images[k]) for k in shown]) - np.array([axis.x, axis.y])).T
     cosine, sine = np.cos(angles[shown]), np.sin(angles[shown])
     back = np.column_stack([cosine * x - sine * y, sine * x + cosine * y])

@@ -14,10 +14,10 @@ from trackers._frames.arrays import MAD_TO_SD, Bytes, Image
 from trackers._regions.rotation_axis import Axis
 
 FINEST = 120  # points from the axis to the end of the body, at most
-MOST_POINTS = 6000  # that are compared in every frame: those that tell most about the angle
+MAX_POINTS = 6000  # that are compared in every frame: those that tell most about the angle
 BLOCK = 0.5  # of the reach: side of the blocks whose errors are taken to be independent: light and detector vary slowly
 TUKEY = 5.0  # standard deviations from which a residual does not count
-LEAST_NOISE = 1.0  # grey levels
+MIN_NOISE = 1.0  # grey levels
 STEPS = 8  # of Gauss and Newton, at most
 SETTLED = 1e-5  # rad
 LONGEST_STEP = 0.2  # rad, and of the reach
@@ -52,8 +52,8 @@ class Pattern:
 
     def telling(self) -> Pattern:
         """The same pattern with no more points than are compared in every frame: those that tell most."""
-        worth = self.by_angle**2 / (self.spread**2 + LEAST_NOISE**2)
-        best = np.sort(np.argsort(-worth)[:MOST_POINTS])
+        worth = self.by_angle**2 / (self.spread**2 + MIN_NOISE**2)
+        best = np.sort(np.argsort(-worth)[:MAX_POINTS])
         return replace(
             self, offset=self.offset[best], level=self.level[best], slope=self.slope[best], spread=self.spread[best]
         )
@@ -124,7 +124,7 @@ def _evened(values: Array, offsets: Array, level: Array) -> Array:
     for _ in range(2):
         gain = _solved(*_normal(terms, values, use.astype(np.float64)))
         off = np.abs(values - terms @ gain)
-        use = off <= TUKEY * MAD_TO_SD * np.median(off) + LEAST_NOISE
+        use = off <= TUKEY * MAD_TO_SD * np.median(off) + MIN_NOISE
     light = np.maximum(gain[0] + offsets @ gain[1:3], 0.2)
     return np.asarray((values - gain[3]) / light)
 
@@ -181,7 +181,7 @@ def _linear(pattern: Pattern, image: Image, angle: float, shift: Array, *, loose
     terms = np.column_stack([-pattern.by_angle, _lighting(pattern.level, offsets)])
     if loose:
         terms = np.column_stack([terms, -pattern.slope @ turn.T])
-    noise = np.sqrt(pattern.spread**2 + LEAST_NOISE**2)
+    noise = np.sqrt(pattern.spread**2 + MIN_NOISE**2)
     weight = 1 / noise**2
     for _ in range(2):
         solution = _solved(*_normal(terms, values, weight))

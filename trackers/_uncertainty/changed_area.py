@@ -16,8 +16,8 @@ USUAL = 4.0  # robust standard deviations: that much the area varies by noise an
 FEW, LARGER = 15, 0.2
 # of the frames: where the area is off by LARGER more often, in either direction, the body has no one area; 5 % of that
 # drop, 14 and 23 % of two real clips (throw-green-PV4, incline-marble-1) that lost a right frame
-MOST = 0.1
-LEAST = 0.12  # of the area, likewise: so much the streak of a moving body varies
+MAX_SHARE = 0.1
+MIN_CHANGE = 0.12  # of the area, likewise: so much the streak of a moving body varies
 
 
 def shifted_by_area(area: Array, radius: Array) -> Array:
@@ -37,12 +37,12 @@ def shifted_by_area(area: Array, radius: Array) -> Array:
         return added
     usual = median_filter(area[seen], NEIGHBOURS, mode="mirror")
     share = np.abs(area[seen] - usual) / area[seen]
-    noise = max(LEAST, USUAL * MAD_TO_SD * float(np.median(share)))
+    noise = max(MIN_CHANGE, USUAL * MAD_TO_SD * float(np.median(share)))
     added[seen] = np.where(share > noise, share * radius[seen], 0.0)
     return added
 
 
-def joined_by_another(area: Array) -> Mask:
+def area_outliers(area: Array) -> Mask:
     """In which frames (n,) a detection holds something else besides the body, as its shadow: its area is too large.
 
     ``area`` (n,) px^2, NaN in gaps. A body that casts a shadow of nearly its own contrast is detected with it now and
@@ -54,6 +54,6 @@ def joined_by_another(area: Array) -> Mask:
     if seen.size < FEW:
         return joined
     share = 1 - median_filter(area[seen], FEW, mode="mirror") / area[seen]
-    if np.count_nonzero(np.abs(share) > LARGER) <= MOST * seen.size:
+    if np.count_nonzero(np.abs(share) > LARGER) <= MAX_SHARE * seen.size:
         joined[seen] = share > LARGER
     return joined

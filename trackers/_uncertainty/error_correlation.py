@@ -23,10 +23,10 @@ LARGEST_LOBE = 0.15  # of the radius: a shape with larger lobes is no disc, and 
 SLOWEST = 0.5  # px a frame: the encoder copies a resting body from frame to frame, and its errors never change
 STRETCH = (10, 32)  # frames of the shortest and longest stretch of the track that is analysed by itself
 OUTLIER = 3.0  # robust standard deviations: another object, e.g. the floor, disturbs the outline
-FEWEST = 40  # samples of each lobe; fewer do not determine the autocorrelation
-MOST_STRETCHES = 20  # they determine a partial autocorrelation to 0.04
+MIN_SAMPLES = 40  # samples of each lobe; fewer do not determine the autocorrelation
+MAX_STRETCHES = 20  # they determine a partial autocorrelation to 0.04
 DEGREE = 2  # of the polynomial trend in time of each stretch: the shading changes with the position
-FEWEST_SCATTERED = 12  # samples of each lobe that determine its standard deviation to a fifth
+MIN_SCATTERED = 12  # samples of each lobe that determine its standard deviation to a fifth
 ROUND = 0.02  # of the radius: a body whose typical lobe is larger is no disc
 TURNING = 0.85  # autocorrelation from frame to frame: what changes so slowly is a shape that turns
 GRID = (np.linspace(0.0, 0.9, 19), np.linspace(-0.2, 0.5, 15))  # partial autocorrelations at lags of 1 and 2 frames
@@ -84,8 +84,8 @@ def outline_autocorrelation(frame: Array, xy_px: Array, lobes: Array, radius_px:
     radius_px
         Radius (n,) of the disc of the same area, px.
     """
-    stretches = _stretches_of_disc(frame, xy_px, lobes, radius_px)[:MOST_STRETCHES]
-    if sum(len(stretch) for stretch in stretches) < FEWEST:
+    stretches = _stretches_of_disc(frame, xy_px, lobes, radius_px)[:MAX_STRETCHES]
+    if sum(len(stretch) for stretch in stretches) < MIN_SAMPLES:
         return None
     stacks = _stacked(stretches)
     minus_twice = np.array([[_minus_restricted(stacks, first, second) for second in GRID[1]] for first in GRID[0]])
@@ -111,7 +111,7 @@ def outline_scatter(frame: Array, xy_px: Array, lobes: Array, radius_px: Array) 
         As for :func:`outline_autocorrelation`.
     """
     stretches = _stretches_of_disc(frame, xy_px, lobes, radius_px)
-    if sum(map(len, stretches)) < FEWEST_SCATTERED:
+    if sum(map(len, stretches)) < MIN_SCATTERED:
         return None
     shape = float(np.median(np.abs(np.concatenate(stretches)))) / float(np.median(radius_px))
     orders = slice(0, 2), slice(2, 4)

@@ -22,7 +22,7 @@ WINDOWS = (7, 11, 15, 21, 31)  # frames that one of them follows
 # windows and degrees that follow faster motion, as a circle of 12 frames a turn; their scatter is less well determined
 CLOSER = ((9, 6), (11, 8))
 FAST = 1.5  # times the scatter of a closer polynomial: the motion is too fast for one of degree 4
-FEWEST_WINDOWS = 4
+MIN_WINDOWS = 4
 # times their median: the squares of windows in which the velocity changes at once; of 10 to 1000 the one whose pulls
 # were nearest to 1 on three synthetic drops (seed 4101, first clips); on six others (1280x720 seed 8102, 640x360 seeds
 # 8170, 8220, 8270; without the errors of impacts) 1000 to 10,000 are alike, and with 30 to 300 the vertical errors of
@@ -85,7 +85,7 @@ def with_scatter(t_s: Array, values: Array, sigma: Array, errors: ErrorModel) ->
     """
     seen = np.isfinite(values) & np.isfinite(sigma) & (sigma > 0)
     moves = errors.moving[seen]
-    counted = moves if np.count_nonzero(moves) >= WINDOWS[0] + FEWEST_WINDOWS else np.ones_like(moves)
+    counted = moves if np.count_nonzero(moves) >= WINDOWS[0] + MIN_WINDOWS else np.ones_like(moves)
     if not counted.any():
         return sigma
     factor = _scatter((t_s[seen], values[seen], sigma[seen], counted), errors.partial)
@@ -138,10 +138,10 @@ def _median_squares(t_s: Array, values: Array, sigma: Array, counted: Mask, wind
     Only windows count in which every sample is ``counted``, and those without a kink: a quarter of the windows is taken
     to have none. None when there are too few windows without gaps.
     """
-    if t_s.size < window + FEWEST_WINDOWS - 1:
+    if t_s.size < window + MIN_WINDOWS - 1:
         return None
     squares, even = _window_squares(t_s, values, sigma, counted, window, degree)
-    if np.count_nonzero(even) < FEWEST_WINDOWS:
+    if np.count_nonzero(even) < MIN_WINDOWS:
         return None
     squares = squares[even]
     half_freedom = (window - degree - 1) / 2

@@ -17,7 +17,7 @@ HALF_WINDOWS = (25, 15, 8)  # samples on either side: the longest through which 
 FOLLOWS = 0.8  # of the residual remains after the higher degree where the lower one follows the time series
 HALF_MEAN = 20  # samples on either side over which the scatter is averaged
 OUTLIER = 6.0  # standard deviations: a sample farther off, e.g. at a kink, counts as one that far off
-FEWEST = 12  # least number of samples for an estimate
+MIN_SAMPLES = 12  # least number of samples for an estimate
 BLOCK = 1000  # samples at once
 
 
@@ -29,7 +29,7 @@ def excess_scatter(t_s: Array, values: Array, sigma: Array, longest: int = 0) ->
     are known, in order of time. ``longest`` samples on either side are tried as well, for what is slow throughout.
     """
     n = values.size
-    if n < FEWEST:
+    if n < MIN_SAMPLES:
         return np.ones(n)
     for half in sorted({min(half, (n - 1) // 2) for half in (*HALF_WINDOWS, longest) if half}, reverse=True):
         ratio = _residuals(t_s, values, sigma, half, DEGREE)
