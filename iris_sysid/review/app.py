@@ -24,7 +24,7 @@ from iris_sysid.review.session import BehindError, ReplacedError, Session
 from iris_sysid.review.views import clip_view, fit_view, state_view, tracking_view
 
 ASSETS = {"page.js": "text/javascript", "review.js": "text/javascript", "review.css": "text/css"}
-MOST_BYTES = 100_000  # of a request; an edit has some hundreds
+MAX_BYTES = 100_000  # of a request; an edit has some hundreds
 PATIENCE_S = 20.0  # that a request for a fit waits
 LONGEST_SIDE_PX = 16384
 
@@ -162,8 +162,8 @@ async def _content(request: Request) -> Mapping[str, Any]:
     body = b""
     async for part in request.stream():
         body += part
-        if len(body) > MOST_BYTES:
-            raise HTTPException(413, f"a change has at most {MOST_BYTES} bytes")
+        if len(body) > MAX_BYTES:
+            raise HTTPException(413, f"a change has at most {MAX_BYTES} bytes")
     try:
         content = json.loads(body)
     except (ValueError, RecursionError) as error:

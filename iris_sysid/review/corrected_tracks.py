@@ -28,7 +28,7 @@ PER_FRAME: dict[str, Any] = {
     "sigma_angle_rad": np.nan,
     "sigma_intensity": np.nan,
 }
-MOST_BODIES = 64
+MAX_BODIES = 64
 IGNORED_PX = 6.0  # a click on something else than a body means what is at least as near
 LEAP_STEPS = 5.0  # median steps of a track, and IGNORED_PX: further is another thing
 
@@ -257,8 +257,8 @@ def _only_edited(track: Track, like: Track) -> Track:
 
 
 def _check_room(tracks: Tracks) -> None:
-    if len(tracks) >= MOST_BODIES:
-        raise DataError(f"there are {len(tracks)} bodies already, and at most {MOST_BODIES}; drop one first")
+    if len(tracks) >= MAX_BODIES:
+        raise DataError(f"there are {len(tracks)} bodies already, and at most {MAX_BODIES}; drop one first")
 
 
 def in_frame_px(track: Track) -> Array:

@@ -32,7 +32,7 @@ NEAR = 4  # frames: doubts of one body nearer to one another are one question
 AROUND = 10  # frames to either side of one that its size is compared with
 USUAL_RADIUS = 8.0  # px, where it is not known
 MAD = 1.4826  # median absolute deviation to standard deviation, of a normal
-MOST_QUESTIONS = 60
+MAX_QUESTIONS = 60
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +80,7 @@ def questions_of(
     found = [question for question in found if question.severity > 0]
     found.sort(key=lambda question: -question.severity)
     by_body = {track.body: track for track in tracks}
-    return [_with_answer(question, by_body[question.body], confirmed) for question in found[:MOST_QUESTIONS]]
+    return [_with_answer(question, by_body[question.body], confirmed) for question in found[:MAX_QUESTIONS]]
 
 
 def _of_track(track: Track, tracks: Sequence[Track], image_size: tuple[int, int] | None) -> Iterable[FrameQuestion]:

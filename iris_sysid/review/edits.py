@@ -13,7 +13,7 @@ from iris_sysid.types import DoubtKind
 Pointer = Literal["mouse", "pen", "touch", "keys"]
 # px of the screen, standard error of a click: half a cursor's width, a finger's tip (type B, GUM 4.3)
 POINTER_ERROR: dict[Pointer, float] = {"mouse": 1.5, "pen": 1.5, "touch": 6.0, "keys": 1.0}
-LEAST_SIGMA_PX = 0.2  # px of the clip: no person tells the centre of a body better, however far it is enlarged
+MIN_SIGMA_PX = 0.2  # px of the clip: no person tells the centre of a body better, however far it is enlarged
 
 BodyName = Annotated[str, Field(min_length=1, max_length=40, pattern=r"^[^\x00-\x1f\x7f]+$")]
 FrameNumber = Annotated[int, Field(ge=0, le=10**9)]
@@ -31,7 +31,7 @@ class _Click(Part):
     @property
     def sigma_px(self) -> float:
         """Standard error of each coordinate, px of the clip."""
-        return max(LEAST_SIGMA_PX, POINTER_ERROR[self.pointer] / self.zoom)
+        return max(MIN_SIGMA_PX, POINTER_ERROR[self.pointer] / self.zoom)
 
 
 class Place(_Click):

@@ -27,10 +27,10 @@ CLEAR = 1.5  # of half the width of a streak's outline: so far inside of it is t
 WHOLE = 0.85  # of the thickness: an outline that leaves less of it is not that of a streak
 DEEPEST = 0.6  # of the depth: the body's brightness is taken from there at least
 SHALLOW = 0.7  # of the depth of the mask: an outline that leaves less of it is not that of the whole body
-OUTSKIRTS, FAINT, LEAST_FREE = 4.0, 0.45, 0.02  # px outside of the outline; coverage and share of pixels there
+OUTSKIRTS, FAINT, MIN_FREE = 4.0, 0.45, 0.02  # px outside of the outline; coverage and share of pixels there
 RIM_PX, RIM_SHARE = 1.4, 0.45  # px and share of the depth: pixels nearer to the outline are blurred
 OUTLINE_DEPTH = 4.0  # px within which the body's brightness must fit that of its outline
-FEWEST_OUTSIDE = 12  # px from which the noise outside of a body is judged
+MIN_OUTSIDE = 12  # px from which the noise outside of a body is judged
 AXES = 4  # directions in which an outline may be wide
 NEAR = 2  # px about a mask, right to two pixels, in which the body may be
 
@@ -64,7 +64,7 @@ def coverage(planes: Planes, mask: Bytes, other: Bytes, inflation: float, refine
         share, variance = _share((planes[0], level, planes[2]), mask, near, clear, persistence)
         if is_blurred:
             distance, half_width = outline(share, heart, axes)
-    lively = np.float32(liveliness(share, variance, _plus(distance, half_width, 1.0), FEWEST_OUTSIDE))
+    lively = np.float32(liveliness(share, variance, _plus(distance, half_width, 1.0), MIN_OUTSIDE))
     for y in range(variance.shape[0]):
         for x in range(variance.shape[1]):
             variance[y, x] *= lively
@@ -123,7 +123,7 @@ def _with_level_outside(planes: Planes, share: Image, beyond: Image, other: Byte
         for x in range(share.shape[1]):
             free[y, x] = -OUTSKIRTS < beyond[y, x] < 0 and abs(share[y, x]) < FAINT and other[y, x] == 0
     soft = blurred(off_background(planes[0], planes[1], free), OUTSKIRTS)
-    return levelled(planes[1], soft, LEAST_FREE)
+    return levelled(planes[1], soft, MIN_FREE)
 
 
 @kernel(nogil=True)
