@@ -248,7 +248,11 @@ class _Values:
         return name in self.table and _is_estimated(name, self.table)
 
     def _nominal(self, name: str) -> str:
-        return self.table.get(name, {}).get("nominalValue", "")
+        """The nominal value of a parameter, which the SBML model gives where it is in the table of conditions only."""
+        default = self.system.values.get(name)
+        return (
+            self.table[name].get("nominalValue", "") if name in self.table else "" if default is None else repr(default)
+        )
 
     def fixed(self, condition: Row) -> dict[str, float]:
         """The values that are held in a condition, by name."""

@@ -30,13 +30,14 @@ class SbmlSystem:
     """The ``equations`` in text; by SBML id, ``states`` as they are called in these, and ``initial`` values.
 
     An initial value is a number, or the id of the parameter that gives it. ``parameters``: ids and own names of those
-    that the equations use.
+    that the equations use; ``values`` those that the model gives them.
     """
 
     equations: str
     states: Mapping[str, str]
     initial: Mapping[str, float | str]
     parameters: Mapping[str, str]
+    values: Mapping[str, float]
 
 
 def own_name(identifier: str) -> str:
@@ -113,7 +114,8 @@ class _Reading:
         sides |= {state: self._balance(state) for state in moved}
         equations = "; ".join(f"{self.names[state]}' = {side}" for state, (side, _) in sides.items())
         self._bounded((equations, SUM))
-        return SbmlSystem(equations, self.names, {state: self._initial(state) for state in states}, self.used)
+        values = {name: self._value(name) for name in self.used}
+        return SbmlSystem(equations, self.names, {state: self._initial(state) for state in states}, self.used, values)
 
     def _reacts(self, species: Any, rules: Mapping[str, Any]) -> bool:
         if species.isSetConversionFactor() or self.model.isSetConversionFactor():
@@ -148,14 +150,14 @@ class _Reading:
                 values = {one.getId(): self._number(one.getId(), one.getValue()) for one in local}
                 term = self.text(law.getMath(), values)
                 factor = [] if abs(count) == 1 else [self._number(species, abs(count))]
-                term = _joined("*", PRODUCT)([*factor, term])
+                term = _joined("*", PRODUCT, "1")([*factor, term])
                 terms.append(term if count > 0 else _minus([term]))
         rate = self._bounded(_joined(" + ", SUM, "0")(terms))
         entry = self.model.getSpecies(species)
         if entry.getHasOnlySubstanceUnits():
             return rate
         volume = self.name(entry.getCompartment(), NO_NAMES, 0)
-        return rate if volume[0] == "1" else self._bounded(_joined("/", PRODUCT)([rate, volume]))
+        return rate if volume[0] == "1" else self._bounded(_divided([rate, volume]))
 
     def _stoichiometry(self, part: Any) -> float:
         if part.isSetStoichiometryMath() or (part.isSetId() and self.model.getRule(part.getId()) is not None):
@@ -184,10 +186,13 @@ class _Reading:
             if entry is None:
                 raise DataError(f"the SBML model has nothing called {name[:40]} that a formula can use")
             return float(entry.getValue() if hasattr(entry, "getValue") else entry.getSize())
-        volume = 1.0 if species.getHasOnlySubstanceUnits() else self._value(species.getCompartment())
-        if species.isSetInitialConcentration():
-            return float(species.getInitialConcentration() * (volume if species.getHasOnlySubstanceUnits() else 1.0))
-        return float(species.getInitialAmount() / volume)
+        amount, compartment = species.getHasOnlySubstanceUnits(), species.getCompartment()
+        if amount != species.isSetInitialConcentration():
+            return float(species.getInitialAmount() if amount else species.getInitialConcentration())
+        if compartment in self.named:
+            raise DataError(f"{name[:40]} starts from an amount in {compartment}, whose size is a parameter: fix it")
+        size = self._value(compartment)
+        return float(species.getInitialConcentration() * size if amount else species.getInitialAmount() / size)
 
     # ------------------------------------------------------------------------------------------------ formulas
 
@@ -255,11 +260,11 @@ def _inside(part: Written, least: int) -> str:
     return part[0] if part[1] >= least else f"({part[0]})"
 
 
-def _joined(sign: str, binds: int, empty: str = "") -> Writer:
+def _joined(sign: str, binds: int, empty: str) -> Writer:
     def write(parts: list[Written]) -> Written:
         if len(parts) < 2:
             return parts[0] if parts else (empty, ATOM)
-        return sign.join([_inside(parts[0], binds), *(_inside(part, binds + 1) for part in parts[1:])]), binds
+        return sign.join(_inside(part, binds) for part in parts).replace(" + -", " - "), binds
 
     return write
 
@@ -269,7 +274,12 @@ def _function(name: str) -> Writer:
 
 
 def _minus(parts: list[Written]) -> Written:
-    return (f"-{_inside(parts[0], POWER)}", SUM) if len(parts) == 1 else _joined(" - ", SUM)(parts)
+    left = f"{_inside(parts[0], SUM)} - " if len(parts) == 2 else "-"
+    return left + _inside(parts[-1], PRODUCT), SUM
+
+
+def _divided(parts: list[Written]) -> Written:
+    return f"{_inside(parts[0], PRODUCT)}/{_inside(parts[1], POWER)}", PRODUCT
 
 
 def _power(parts: list[Written]) -> Written:
@@ -293,7 +303,7 @@ def _writers(libsbml: ModuleType) -> dict[int, Writer]:
         "AST_PLUS": _joined(" + ", SUM, "0"),
         "AST_TIMES": _joined("*", PRODUCT, "1"),
         "AST_MINUS": _minus,
-        "AST_DIVIDE": _joined("/", PRODUCT),
+        "AST_DIVIDE": _divided,
         "AST_POWER": _power,
         "AST_FUNCTION_POWER": _power,
         "AST_FUNCTION_ROOT": _root,
