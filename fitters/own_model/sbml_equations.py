@@ -19,6 +19,7 @@ from fitters.own_model.petab_export import DEFINED, NODES, petab_package
 from iris_sysid.errors import DataError
 
 MAX_DEPTH, MAX_NODES = 60, 20_000
+MAX_LEVELS = 500  # of elements in elements
 SUM, PRODUCT, POWER, ATOM = 1, 2, 4, 9  # how strongly an operation binds
 Written = tuple[str, int]  # a formula in text, and how strongly it binds
 Writer = Callable[[list[Written]], Written]
@@ -72,6 +73,13 @@ def read_sbml(content: str, named: set[str], positions_kept: set[str]) -> SbmlSy
     """
     if "<!DOCTYPE" in content or "<!ENTITY" in content:
         raise DataError("the SBML file declares entities, which are not read: write it without a DOCTYPE")
+    # libsbml reads by recursion, and ends the process where elements are nested too deeply
+    level = deepest = 0
+    for closing, alone in re.findall(r"<(?=[\w/])(/?)[^<>]*?(/?)>", content):
+        level += 0 if alone else -1 if closing else 1
+        deepest = max(deepest, level)
+    if deepest > MAX_LEVELS:
+        raise DataError(f"the SBML file nests more than {MAX_LEVELS} elements: simplify its formulas")
     libsbml = petab_package("libsbml")
     document = libsbml.readSBMLFromString(content)
     model = document.getModel()

@@ -318,6 +318,13 @@ def test_functions_that_double_are_refused_at_once(folder):
         read_petab(folder / "problem.yaml")
 
 
+def test_formulas_nested_too_deeply_are_refused_before_they_are_read(folder):
+    deep = "<apply><minus/>" * 200_000 + "<ci>_k2</ci>" + "</apply>" * 200_000
+    (folder / "model.xml").write_text(REACTIONS.replace("<ci>_k2</ci>", deep))
+    with pytest.raises(DataError, match="nests more than 500 elements"):
+        read_petab(folder / "problem.yaml")
+
+
 def test_what_a_problem_cannot_hold_is_refused(tmp_path):
     clip = swing()
     for equation, message in {
