@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType, ModuleType
 from typing import Any
+from xml.parsers import expat
 
 from fitters.own_model.equation import INPUT_NAME, TIME
 from fitters.own_model.expression import CONSTANTS, FUNCTIONS, LONGEST
@@ -73,13 +74,7 @@ def read_sbml(content: str, named: set[str], positions_kept: set[str]) -> SbmlSy
     """
     if "<!DOCTYPE" in content or "<!ENTITY" in content:
         raise DataError("the SBML file declares entities, which are not read: write it without a DOCTYPE")
-    # libsbml reads by recursion, and ends the process where elements are nested too deeply
-    level = deepest = 0
-    for closing, alone in re.findall(r"<(?=[\w/])(/?)[^<>]*?(/?)>", content):
-        level += 0 if alone else -1 if closing else 1
-        deepest = max(deepest, level)
-    if deepest > MAX_LEVELS:
-        raise DataError(f"the SBML file nests more than {MAX_LEVELS} elements: simplify its formulas")
+    _check_levels(content)
     libsbml = petab_package("libsbml")
     document = libsbml.readSBMLFromString(content)
     model = document.getModel()
@@ -88,6 +83,26 @@ def read_sbml(content: str, named: set[str], positions_kept: set[str]) -> SbmlSy
     if model.getNumEvents():
         raise DataError("the SBML model has events, which an equation in text cannot have: remove them")
     return _Reading(libsbml, model, named, positions_kept).system()
+
+
+def _check_levels(content: str) -> None:
+    """DataError where elements are nested too deeply: libsbml reads by recursion, and would end the process."""
+    levels = [0]
+
+    def opened(name: str, attributes: Mapping[str, str]) -> None:
+        levels[0] += 1
+        if levels[0] > MAX_LEVELS:
+            raise DataError(f"the SBML file nests more than {MAX_LEVELS} elements: simplify its formulas")
+
+    def closed(name: str) -> None:
+        levels[0] -= 1
+
+    parser = expat.ParserCreate()
+    parser.StartElementHandler, parser.EndElementHandler = opened, closed
+    try:
+        parser.Parse(content.encode(), True)
+    except expat.ExpatError as error:
+        raise DataError(f"the SBML file cannot be read as a model: {error}") from error
 
 
 @dataclass(eq=False, slots=True)
