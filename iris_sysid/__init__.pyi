@@ -12,6 +12,9 @@ from fitters.ode.simulation import simulate as simulate
 from fitters.ode.single_clip import fit as fit
 from fitters.own_model.equation import model_from_equation as model_from_equation
 from fitters.own_model.function import model_from_function as model_from_function
+from fitters.own_model.petab_export import write_petab as write_petab
+from fitters.own_model.petab_import import PetabProblem as PetabProblem
+from fitters.own_model.petab_import import read_petab as read_petab
 from fitters.selection.select import select_model as select_model
 from fitters.sindy.discover import discover as discover
 from fitters.validation_record import split_record as split_record

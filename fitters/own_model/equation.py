@@ -121,6 +121,17 @@ def quantities_of_equation(text: str) -> tuple[str, ...]:
     return tuple(_system(text).sides)
 
 
+def rates_of_equation(text: str) -> dict[str, Expression]:
+    """The rate of each state by its name, in the order of the model's states; DataError where it cannot be read.
+
+    In the rates a velocity is called ``theta'``, as in the text; as a state it is ``theta_rate``.
+    """
+    system = _system(text)
+    rates = {name: Expression(f"{name}'") for name in system.second}
+    rates |= {f"{name}_rate": system.sides[name][1] for name in system.second}
+    return rates | {name: side for name, (order, side) in system.sides.items() if order == 1}
+
+
 def _check_known(what: str, given: Mapping[str, Any] | Sequence[str], known: Sequence[str]) -> None:
     for name in given:
         if name not in known:

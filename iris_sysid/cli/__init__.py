@@ -50,6 +50,7 @@ COMMANDS = {
         "Compare the groups of a class: each group's value, what is wrong with those that stand out, the value of all.",
     ),
     "discover": ("discover", "Find the governing equation itself, with error bars on its terms, and its name."),
+    "petab": ("petab", "Exchange a model and its table with other estimation programs as a PEtab problem."),
     "render": (
         "render",
         "Render a synthetic clip, or a whole synthetic data set, and write its exact truth beside it.",
@@ -68,7 +69,7 @@ COMMANDS = {
 # The commands in the help, by what a user has; one that is in no group comes under the last heading.
 GROUPS = {
     "One clip": ("run", "review", "calibrate", "frame", "track", "import"),
-    "One table": ("smooth", "fit", "diagnose", "sealed", "plan", "discover"),
+    "One table": ("smooth", "fit", "diagnose", "sealed", "plan", "discover", "petab"),
     "Many clips": ("class", "gt", "benchmark"),
     "Synthetic clips": ("demo", "render"),
     "What there is": ("list", "schema"),
