@@ -66,6 +66,12 @@ PhenomenonAsked = Annotated[str | None, PHENOMENON]
 KeepPartial = Annotated[bool, typer.Option("--keep-partial", help="Use the readable part of a damaged file.")]
 SET = typer.Option("--set", help="A known value: gravity=9.79+-0.01, length=50cm.")
 Settings = Annotated[list[str] | None, SET]
+Equation = Annotated[
+    str | None,
+    typer.Option("--equation", help="Equation of motion of your own: \"theta'' = -g/L*sin(theta) - c*theta'\"."),
+]
+Bounds = Annotated[list[str], typer.Option("--bound", help="Bounds of a parameter of --equation: L=0.1:10, or L=0: .")]
+StartingValues = Annotated[list[str], typer.Option("--start-at", help="A starting value, e.g. length=0.5.")]
 FREE = typer.Option("--free", help="Estimate this constant too, e.g. gravity.")
 Scale = Annotated[str | None, typer.Option(help="Scale: 640px=1m; or gravity=9.79, which computes it from the fall.")]
 ScaleBar = Annotated[str | None, typer.Option(help="Two points at a known distance: x1,y1,x2,y2=0.84m.")]
@@ -125,13 +131,8 @@ class EquationArguments:
             autocompletion=_completion.models,
         ),
     ] = None
-    equation: Annotated[
-        str | None,
-        typer.Option("--equation", help="Equation of motion of your own: \"theta'' = -g/L*sin(theta) - c*theta'\"."),
-    ] = None
-    bound: Annotated[
-        list[str], typer.Option("--bound", help="Bounds of a parameter of --equation: L=0.1:10, or L=0: .")
-    ] = field(default_factory=list)
+    equation: Equation = None
+    bound: Bounds = field(default_factory=list)
     known: Annotated[list[str], SET] = field(default_factory=list)
     free: Annotated[list[str], FREE] = field(default_factory=list)
 

@@ -17,6 +17,7 @@ from iris_sysid.cli.arguments import (
     Json,
     Output,
     RecordArguments,
+    StartingValues,
     Strict,
     Validate,
 )
@@ -33,9 +34,7 @@ AUTO = "auto"
 class FitArguments:
     """What is fitted, from where, and how its errors are found."""
 
-    start: Annotated[list[str], typer.Option("--start-at", help="A starting value, e.g. length=0.5.")] = field(
-        default_factory=list
-    )
+    start: StartingValues = field(default_factory=list)
     shared: Annotated[list[str], typer.Option(help="Parameter with one value for all clips.")] = field(
         default_factory=list
     )

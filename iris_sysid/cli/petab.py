@@ -2,23 +2,33 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from iris_sysid.cli import _terminal
-from iris_sysid.cli.arguments import TABLE, Bounds, Columns, Equation, Force, Output, Settings, Starts
+from iris_sysid.cli._groups import with_groups
+from iris_sysid.cli.arguments import SET, TABLE, Bounds, Columns, Equation, Force, Output, StartingValues
 
 
+@dataclass(frozen=True)
+class ExportArguments:
+    """The model that is exported with a table."""
+
+    equation: Equation = None
+    bound: Bounds = field(default_factory=list)
+    known: Annotated[list[str], SET] = field(default_factory=list)
+    start: StartingValues = field(default_factory=list)
+    columns: Columns = None
+
+
+@with_groups
 def petab(
     source: Annotated[Path, typer.Argument(help=f"{TABLE}, to export; or the .yaml file of a PEtab problem.")],
     output: Output,
-    equation: Equation = None,
-    bound: Bounds = None,
-    known: Settings = None,
-    start: Starts = None,
-    columns: Columns = None,
+    exported: ExportArguments,
     force: Force = False,
 ) -> None:
     """Exchange a model and its table with other estimation programs as a PEtab problem.
@@ -35,33 +45,25 @@ def petab(
 
     _terminal.check_sources([source])
     if source.suffix.lower() in (".yaml", ".yml"):
-        if equation or bound or known or start or columns:
+        if exported != ExportArguments():
             raise DataError("a PEtab problem states its model itself: leave out all options but -o and --force")
         _import(source, output, force)
-    elif equation is None:
+    elif exported.equation is None:
         raise DataError(
             "a table is exported with its model: give --equation \"theta'' = -g/L*sin(theta)\"; models of the bank "
             "are functions, not text"
         )
     else:
-        _export(source, output, equation, (bound or [], known or [], start or []), columns, force)
+        _export(source, output, exported.equation, exported, force)
 
 
-def _export(
-    table: Path,
-    output: Path,
-    equation: str,
-    stated: tuple[list[str], list[str], list[str]],
-    columns: str | None,
-    force: bool,
-) -> None:
+def _export(table: Path, output: Path, equation: str, stated: ExportArguments, force: bool) -> None:
     from fitters.own_model.petab_export import write_petab
     from iris_sysid.cli import _own_equation, _parsing
 
-    bound, known, start = stated
-    (clip,) = _terminal.read_tables([table], columns)
-    bounds, fixed = _own_equation.parsed_bounds(bound), _parsing.settings(known)
-    starts = {name: value.value for name, value in _parsing.settings(start).items()}
+    (clip,) = _terminal.read_tables([table], stated.columns)
+    bounds, fixed = _own_equation.parsed_bounds(stated.bound), _parsing.settings(stated.known)
+    starts = {name: value.value for name, value in _parsing.settings(stated.start).items()}
     written = write_petab(clip, equation, output, bounds=bounds, fixed=fixed, start=starts, overwrite=force)
     typer.echo(written)
     unheld = [name for name, value in fixed.items() if value.stderr > 0]
