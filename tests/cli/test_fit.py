@@ -64,7 +64,7 @@ def test_model_auto_writes_the_ranking(folder):
     assert {candidate.model for candidate in document.selection.ranking} >= {"linear-pendulum", "angular-oscillator"}
     number, equation, chosen, *_ = done.output.splitlines()
     assert (number[:8], equation[:18]) == ("usable: ", "equation complete:")
-    assert chosen.startswith("pendulum (as given): residual")
+    assert chosen.startswith("pendulum (as given): its residual is ")
 
 
 @pytest.mark.parametrize(

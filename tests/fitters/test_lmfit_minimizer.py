@@ -120,7 +120,7 @@ def test_lmfit_expression_may_use_a_parameter_of_its_own(clip):
     ("name", "more", "match"),
     [
         ("mass", {"value": 1.0}, "parameters: model 'pendulum' has no parameter 'mass'"),
-        ("theta_0", {"expr": "length"}, "theta_0 cannot be tied: it is no parameter"),
+        ("theta_0", {"expr": "length"}, "theta_0 cannot be tied: it is not a parameter"),
         (
             "damping",
             {"expr": "length if length > 1 else 2"},
