@@ -126,7 +126,10 @@ def test_end_of_the_scheduler_is_a_stated_error(tmp_path, monkeypatch):
     monkeypatch.setattr(cluster, "CONNECT_S", 5.0)
     file = tmp_path / "scheduler.json"
     command = [DASK, "scheduler", "--scheduler-file", str(file), *ON_ONE_MACHINE, "--port", "0"]
-    with (tmp_path / "log").open("w") as log, subprocess.Popen(command, stderr=log, stdout=log) as process:
+    with (
+        (tmp_path / "log").open("w") as log,
+        subprocess.Popen(command, stderr=log, stdout=log, env=ENVIRONMENT) as process,
+    ):
         wait_until(file.is_file)
         killed = threading.Timer(0.5, process.kill)
         killed.start()
