@@ -131,8 +131,13 @@ def test_end_of_the_scheduler_is_a_stated_error(tmp_path, monkeypatch):
         subprocess.Popen(command, stderr=log, stdout=log, env=ENVIRONMENT) as process,
     ):
         wait_until(file.is_file)
-        killed = threading.Timer(0.5, process.kill)
-        killed.start()
+        client = cluster.connected(str(file))
+
+        def then_killed(scheduler):
+            threading.Timer(0.5, process.kill).start()
+            return client
+
+        monkeypatch.setattr(cluster, "connected", then_killed)
         waits = Batch(tmp_path, squared, minus_one)  # there is no worker
         with pytest.raises(IrisError, match="the dask scheduler ended before the work; run again"):
             list(run_parallel(waits, [1], str(file)))
