@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType, ModuleType
 from typing import Any, cast
@@ -100,7 +100,8 @@ def write_petab(
     OutputError
         When a file exists or cannot be written.
     """
-    model = _model(trajectory, equation, bounds)
+    rates = rates_of_equation(equation)
+    model = _model(trajectory, equation, rates, bounds)
     held = {name: value.value if isinstance(value, Estimate) else value for name, value in fixed.items()}
     names = [*(parameter.name for parameter in model.parameters), *model.initial_names]
     for name in (*bounds, *held, *start):
@@ -112,7 +113,7 @@ def write_petab(
     observables, measured = _data(trajectory, model)
     noise = [_parameter(f"sigma_{q.name}", (1e-12, math.inf), None, True) for q in model.observed]
     unknown = [row for row, noise_known in zip(noise, observables.pop("known"), strict=True) if not noise_known]
-    sbml = _sbml(model, rates_of_equation(equation), values, float(trajectory.t_s[0]))
+    sbml = _sbml(model, rates, values, float(trajectory.t_s[0]))
     tables = {
         "condition": pd.DataFrame({"conditionId": [CONDITION]}),
         "observable": observables,
@@ -129,8 +130,10 @@ def write_petab(
     return write_atomic(folder / PROBLEM, _yaml(), overwrite=overwrite)
 
 
-def _model(trajectory: Trajectory, equation: str, bounds: Mapping[str, tuple[float, float]]) -> OdeModel:
-    states = [f"{name}_0" for name in rates_of_equation(equation)]
+def _model(
+    trajectory: Trajectory, equation: str, rates: Iterable[str], bounds: Mapping[str, tuple[float, float]]
+) -> OdeModel:
+    states = [f"{name}_0" for name in rates]
     seen = [quantity.name for quantity in trajectory.quantities if f"{quantity.name}_0" in states]
     units = {quantity.name: quantity.unit for quantity in trajectory.quantities}
     own = {name: ends for name, ends in bounds.items() if name not in states}
@@ -164,8 +167,7 @@ def _data(trajectory: Trajectory, model: OdeModel) -> tuple[pd.DataFrame, pd.Dat
         known = bool(np.all(np.isfinite(sigma) & (sigma > 0)))
         named = f"observable_{quantity.name}"
         formula = f"noiseParameter1_{named}" if known else f"sigma_{quantity.name}"
-        title = f"{quantity.name} [{quantity.unit}]"
-        observables.append((named, title, quantity.name, formula, known))
+        observables.append((named, quantity.title, quantity.name, formula, known))
         columns = {
             "observableId": named,
             "simulationConditionId": CONDITION,

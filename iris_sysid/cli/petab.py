@@ -54,17 +54,18 @@ def petab(
             "are functions, not text"
         )
     else:
-        _export(source, output, exported.equation, exported, force)
+        _export(source, output, exported, force)
 
 
-def _export(table: Path, output: Path, equation: str, stated: ExportArguments, force: bool) -> None:
+def _export(table: Path, output: Path, stated: ExportArguments, force: bool) -> None:
     from fitters.own_model.petab_export import write_petab
     from iris_sysid.cli import _own_equation, _parsing
 
+    assert stated.equation is not None
     (clip,) = _terminal.read_tables([table], stated.columns)
     bounds, fixed = _own_equation.parsed_bounds(stated.bound), _parsing.settings(stated.known)
     starts = {name: value.value for name, value in _parsing.settings(stated.start).items()}
-    written = write_petab(clip, equation, output, bounds=bounds, fixed=fixed, start=starts, overwrite=force)
+    written = write_petab(clip, stated.equation, output, bounds=bounds, fixed=fixed, start=starts, overwrite=force)
     typer.echo(written)
     unheld = [name for name, value in fixed.items() if value.stderr > 0]
     if unheld:

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from iris_sysid.types import Component, ComponentKind, Components, Effect
 
-EVIDENT_SHARE = (
-    0.2  # of the residual without its noise, that a component must be for an effect that can imitate anything
-)
+EVIDENT_SHARE = 0.2  # of the residual without noise, that a component is which stands for what imitates anything
 
 
 class ComponentSupport:

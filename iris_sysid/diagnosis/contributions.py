@@ -46,11 +46,6 @@ class Contributions:
         return self._cache.base
 
     @property
-    def library(self) -> dict[str, Effect]:
-        """The effects to test, by name."""
-        return self._cache.library.by_name
-
-    @property
     def testable(self) -> bool:
         """Whether the clips are long enough to leave out blocks."""
         return bool(self._blocks)

@@ -68,15 +68,16 @@ class EffectSearch:
 
     def _refits(self, current: ModelWithEffects) -> list[ModelWithEffects]:
         """Refits of the best sets of one and two more effects, ranked to first order beside a flexible rest."""
+        library = self._cache.library.by_name
         screening, testable = self._cache.screening(current), self._cache.testable(current)
-        names = [name for name in screening.names if name in testable and not self._shares.library[name].absorbs]
+        names = [name for name in screening.names if name in testable and not library[name].absorbs]
         names = [name for name in names if self._cache.library.allows(screening.single(name)) or current.far_off]
-        effects = {name: (self._shares.library[name], screening.scores_of(name)[0].shape) for name in names}
-        odds = {name: float(np.log(self._shares.library[name].plausibility)) for name in names}
+        effects = {name: (library[name], screening.scores_of(name)[0].shape) for name in names}
+        odds = {name: float(np.log(library[name].plausibility)) for name in names}
         ranked = ranked_effects(self._cache.clips, current.fits, effects, odds, AT_ONCE)
         singles = [each for each in ranked if len(each.sizes) == 1]
         few = [each for each in ranked if each.sizes][:TRIED]
-        components, library = self._support.kinds, self._shares.library
+        components = self._support.kinds
         located = [each for each in singles if library[next(iter(each.sizes))].component in components]
         chosen = [*few, *(each for each in [*singles[:AT_ONCE], *located[:TRIED]] if each not in few)]
         chosen = list({each.names: each for each in chosen}.values())
@@ -94,7 +95,7 @@ class EffectSearch:
             return False
         if effect.nearby is None:
             return True
-        first = self._cache.screening(self._shares.base).scores_of(effect.name)
+        first = self._cache.screening(self._cache.base).scores_of(effect.name)
         found = [start[effect.name][1] for start in starts_of(current, [effect])]
         return all(np.allclose(shape, score.shape) for shape, score in zip(found, first, strict=True))
 
@@ -144,7 +145,7 @@ class EffectSearch:
     def _is_near(self, model: ModelWithEffects, best: ModelWithEffects) -> bool:
         """Whether the best predicts no better than by a standard error, or removes little more of the residual."""
         gain, stderr = self._shares.estimate(best).gain_over(self._shares.estimate(model))
-        least = MIN_SHARE * self._shares.base.squares
+        least = MIN_SHARE * self._cache.base.squares
         return model is best or gain < stderr or model.squares - best.squares < least
 
     def _in_one(self, current: ModelWithEffects) -> ModelWithEffects:
@@ -199,7 +200,7 @@ class EffectSearch:
     def _absorbing(self, context: ModelWithEffects) -> list[ModelWithEffects]:
         """Refits of the best few effects that imitate anything."""
         screening, testable = self._cache.screening(context), self._cache.testable(context)
-        names = [name for name in screening.names if name in testable and self._shares.library[name].absorbs]
+        names = [name for name in screening.names if name in testable and self._cache.library.by_name[name].absorbs]
         return [self._cache.with_added(context, screening.single(name)) for name in names[:ABSORBING]]
 
     def _pruned(self, current: ModelWithEffects) -> ModelWithEffects:

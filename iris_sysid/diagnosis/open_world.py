@@ -17,7 +17,7 @@ from iris_sysid.diagnosis.effect_search import AT_ONCE, MAX_EFFECTS, EffectSearc
 from iris_sysid.diagnosis.fit_cache import FitCache
 from iris_sysid.diagnosis.held_out_blocks import MIN_SHARE
 from iris_sysid.diagnosis.refit import ModelWithEffects
-from iris_sysid.diagnosis.rivals import MOSTLY, RIVALS, Rivals
+from iris_sysid.diagnosis.rivals import MAIN_SHARE, RIVALS, Rivals
 from iris_sysid.types import Component, Components, Effect, Finding
 
 ABSORBED_SHARE = 0.5  # of the squared error over blocks left out that what can imitate anything removes, if it is named
@@ -183,7 +183,7 @@ class OpenWorld:
     def _has_formula(self, model: ModelWithEffects, effect: Effect) -> bool:
         """Whether, on a motion that never turns, an effect with a formula alone explains about as much as this one."""
         others = self.rivals.as_good_alone(model, effect, sure=False) if self._support.never_turns else ()
-        return any(not self.shares.library[name].absorbs for name in others)
+        return any(not self._cache.library.by_name[name].absorbs for name in others)
 
     def without_absorbing(self, model: ModelWithEffects, effect: Effect) -> ModelWithEffects:
         """A model without what only absorbs a part of the residual: it must explain the data for a name of ``effect``.
@@ -263,7 +263,7 @@ def _unnamed(components: Components, whole: float) -> list[Finding]:
 def _weak_finding(effect: Effect, share: float, odds: Mapping[str, float], explained: float) -> Finding:
     """The finding on one of a set of effects that explain a fraction of the force in short windows, or the free run."""
     names = (effect.name, *(name for name in odds if name != effect.name))
-    if not explained >= MOSTLY:
+    if not explained >= MAIN_SHARE:
         reason = f"the effects explain {100 * explained:.0f} % of the force in short windows"
         return Finding("located", effect.component, names, share, reason)
     if not share >= NAMED_SHARE:

@@ -15,7 +15,7 @@ from iris_sysid.types import Effect
 
 EVEN = 0.5  # share of block bootstraps in which a named effect must predict better than what can imitate anything
 RIVALS = 3  # of an effect that are refitted
-MOSTLY = 0.75  # of the residual's squares that must be explained where what is not could be the same in another form
+MAIN_SHARE = 0.75  # of the residual's squares to be explained where the rest could be the same in another form
 AS_WELL = 0.9  # of what an effect explains: on a motion that never turns, one that explains this share is as good
 
 
@@ -78,7 +78,7 @@ class Rivals:
         return {**shares, effect.name: each, **dict.fromkeys(exact, each)}
 
     def _least_wins(self, name: str) -> float:
-        return EVEN if self._shares.library[name].absorbs else WINS
+        return EVEN if self._cache.library.by_name[name].absorbs else WINS
 
     def _worth(self, rest: ModelWithEffects, effect: Effect) -> list[str]:
         """The rivals of an effect that are refitted: the best of its component, and the best of all."""
@@ -91,7 +91,7 @@ class Rivals:
             and (self._cache.library.allows(screening.single(name)) or rest.far_off)
         ]
         best = sorted(allowed, key=lambda name: -screening.score(name).gain)[:RIVALS]
-        same = [name for name in allowed if self._shares.library[name].component == effect.component][:RIVALS]
+        same = [name for name in allowed if self._cache.library.by_name[name].component == effect.component][:RIVALS]
         return list(dict.fromkeys([*same, *best]))
 
     def as_good_alone(self, model: ModelWithEffects, effect: Effect, *, sure: bool) -> list[str]:
@@ -107,7 +107,7 @@ class Rivals:
             absorbing = formulas
         else:
             alone = [each for each in self._cache.tried if len(each.effects) == 1]
-            itself, most = base * (1.0 - removed), base * (1.0 - MOSTLY)
+            itself, most = base * (1.0 - removed), base * (1.0 - MAIN_SHARE)
             formulas = ALIKE * itself if itself < most else 0.0  # squares below which one with a formula is as good
             absorbing = itself if itself < most and not sure else 0.0  # and one that imitates anything
             if sure:
@@ -122,10 +122,10 @@ class Rivals:
 
     def _each_alone(self) -> list[ModelWithEffects]:
         """Refits of each effect alone that the parameters cannot imitate."""
-        screening, testable = self._cache.screening(self._shares.base), self._cache.testable(self._shares.base)
+        screening, testable = self._cache.screening(self._cache.base), self._cache.testable(self._cache.base)
         candidates = [screening.single(name) for name in screening.names if name in testable]
         allowed = [each for each in candidates if self._cache.library.allows(each)]
-        return [self._cache.with_added(self._shares.base, each) for each in allowed]
+        return [self._cache.with_added(self._cache.base, each) for each in allowed]
 
     def _exchangeable(self, model: ModelWithEffects, effect: Effect) -> list[str]:
         """Effects of the same model that alone explain as much as one does alone, and little beside it."""
