@@ -5,6 +5,7 @@ from __future__ import annotations
 import secrets
 import socket
 from collections.abc import Callable
+from functools import partial
 
 import uvicorn
 from starlette.types import ASGIApp
@@ -29,7 +30,7 @@ def serve(
     port
         Number of the port; 0 takes a free one.
     ready
-        Called with the address to open, token included, once the server listens.
+        Called with the address to open, token included, once the server answers and heeds Ctrl-C.
     close
         Called at the end.
 
@@ -50,14 +51,27 @@ def serve(
         server_header=False,
         timeout_graceful_shutdown=LEAVE_AFTER_S,
     )
+    server = _Announced(config, partial(ready, f"http://{ADDRESS}:{number}/?token={token}"))
     try:
-        ready(f"http://{ADDRESS}:{number}/?token={token}")
-        uvicorn.Server(config).run(sockets=[listening])
+        server.run(sockets=[listening])
     except KeyboardInterrupt:
         pass  # the end that is meant
     finally:
         listening.close()
         close()
+
+
+class _Announced(uvicorn.Server):
+    """A server that says when it has started: an interrupt before that would stop a half-made event loop."""
+
+    def __init__(self, config: uvicorn.Config, started: Callable[[], None]) -> None:
+        super().__init__(config)
+        self._say_started = started
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        """Begin to answer, and say so."""
+        await super().startup(sockets)
+        self._say_started()
 
 
 def listen(port: int) -> socket.socket:
