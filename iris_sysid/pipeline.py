@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -70,9 +71,12 @@ def track(
         When nothing moves, or nothing that moves can be followed.
     """
     from iris_sysid.video.camera_motion.reference import tracked
+    from iris_sysid.video.camera_motion.steady import SAMPLES
 
-    chosen = TRACKERS.resolved(tracker)
     frames = open_video(video) if isinstance(video, str | Path) else video
+    with ThreadPoolExecutor(1) as pool:  # frames are decoded while the tracker is imported; they are kept
+        pool.submit(frames.sample, SAMPLES)
+        chosen = TRACKERS.resolved(tracker)
     return tracked(frames, chosen, options or TrackOptions())
 
 

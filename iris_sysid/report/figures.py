@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import cv2
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -30,7 +31,9 @@ COLOURS = {
     "": "#999999",
 }
 FIT_COLOUR = "#000000"
-PHASES = 9
+FRAMES, PHASES = 60, 9  # sampled for a page; of them in a multiple exposure
+LARGEST_PX = 1600  # side of a multiple exposure
+CHANGED = 24  # grey levels, well above the noise of a sensor: only moving parts are superposed
 TALLEST_IN, NARROWEST_IN = 9.0, 3.5  # of the picture of a tall clip
 CURVE_POINTS = 600
 MAX_POINTS = 5000  # of a quantity in a plot
@@ -83,9 +86,10 @@ def draw_track(
     video, tracks, trajectory, calibration
         As for :func:`track_figure`.
     """
-    image = multiple_exposure(video, tracks[0] if tracks else None)
-    height, width = image.shape[:2]
-    axes.imshow(image)
+    views = sampled_views(video, tracks[0] if tracks else None, LARGEST_PX, PHASES)
+    width, height = video.width, video.height
+    picture = multiple_exposure([image for _, image in views])[..., ::-1]
+    axes.imshow(picture, extent=(-0.5, width - 0.5, height - 0.5, -0.5))
     labels = np.array(sample_labels(trajectory))
     for body in tracks:
         axes.plot(*body.xy_px.T, color="white", linewidth=0.6, alpha=0.6)
@@ -99,19 +103,46 @@ def draw_track(
     axes.legend(unique.values(), unique.keys(), loc="lower right", framealpha=0.8)
 
 
-def multiple_exposure(video: FrameSource, body: Track | None = None) -> NDArray[np.uint8]:
-    """Lay some frames over their median so that the body shows at several times; (h, w, 3) uint8 RGB.
+def sampled_views(
+    video: FrameSource, body: Track | None, largest_px: float, count: int = FRAMES
+) -> list[tuple[float, NDArray[np.uint8]]]:
+    """Time, s, and image (h, w, 3) uint8 BGR of sampled frames, at most so many, with no side longer than so many px.
 
-    Where the camera moves, as the track of a ``body`` says, the frames are laid where the first one shows the scene.
+    Where the camera moves, as the track of a ``body`` says, each is laid where the first frame shows the scene.
     """
-    images = [frame.bgr() if body is None else seen_from_first(frame, body) for frame in video.sample(PHASES)]
-    stack = np.stack([image[..., ::-1] for image in images]).astype(np.int16)
-    background = np.median(stack, axis=0)
-    change = np.abs(stack - background).max(axis=3)
-    strongest = change.argmax(axis=0)
-    image = np.take_along_axis(stack, strongest[None, :, :, None], axis=0)[0]
-    # 24 of 255 grey levels: well above sensor noise, so that only moving parts are superposed
-    return np.where(change.max(axis=0)[..., None] > 24, image, background).astype(np.uint8)
+    scale = min(1.0, largest_px / max(video.width, video.height))
+    size = round(scale * video.width), round(scale * video.height)
+    frames = video.sample(FRAMES)  # the same number for all pictures: they are decoded once
+    views = []
+    for k in np.unique(np.linspace(0, len(frames) - 1, count).round().astype(int)):
+        image = frames[k].bgr() if body is None else seen_from_first(frames[k], body)
+        views.append((frames[k].t_s, np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)))
+    return views
+
+
+def multiple_exposure(images: Sequence[NDArray[np.uint8]]) -> NDArray[np.uint8]:
+    """Lay images (h, w, 3) uint8 over their median so that a body shows at several times; (h, w, 3) uint8."""
+    background = _median(images)
+    picture, strongest = background.copy(), np.full(background.shape[:2], CHANGED, dtype=np.uint8)
+    for image in images:
+        blue, green, red = cv2.split(cv2.absdiff(image, background))
+        change = cv2.max(cv2.max(blue, green), red)
+        cv2.copyTo(image, (change > strongest).view(np.uint8), picture)
+        strongest = cv2.max(strongest, change)
+    return picture
+
+
+def _median(images: Sequence[NDArray[np.uint8]]) -> NDArray[np.uint8]:
+    """The upper median of images at each pixel, by odd-even transposition.
+
+    Whole images are exchanged: a tenth of the time of sorting pixel by pixel.
+    """
+    ordered = list(images)
+    for k in range(len(ordered)):
+        for i in range(k % 2, len(ordered) - 1, 2):
+            low, high = (exchanged(ordered[i], ordered[i + 1]) for exchanged in (cv2.min, cv2.max))
+            ordered[i], ordered[i + 1] = low, high
+    return ordered[len(ordered) // 2]
 
 
 def _draw_pivot(axes: Axes, trajectory: Trajectory, calibration: Calibration) -> None:

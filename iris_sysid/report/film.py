@@ -17,13 +17,11 @@ from iris_sysid.errors import IrisError
 from iris_sysid.io.clip_place import places_of
 from iris_sysid.io.csv_read import read_track
 from iris_sysid.io.files import sha256_of
-from iris_sysid.report.figures import multiple_exposure, outline
+from iris_sysid.report.figures import PHASES, multiple_exposure, outline, sampled_views
 from iris_sysid.types import Array, FitResult, FrameSource, Track, Trajectory
-from iris_sysid.video.camera_motion.reference import seen_from_first
 from iris_sysid.video.frame_access import jpeg_of
 from iris_sysid.video.reader import open_video
 
-FRAMES = 60
 LONGEST_PX = 640  # side of a frame in the page
 MAX_BYTES = 1_400_000  # of all frames of a page, as JPEG
 QUALITY, STILL_QUALITY = 70, 82  # of the frames, and of the picture on top
@@ -157,18 +155,15 @@ def film_of(footage: Filmed, trajectory: Trajectory, models: Mapping[str, tuple[
         return None
     images: list[NDArray[np.uint8]] = []
     rows: list[int] = []
-    scale = min(1.0, LONGEST_PX / max(video.width, video.height))
-    for frame in video.sample(FRAMES):
-        row = int(np.argmin(np.abs(tracks[0].t_s - frame.t_s)))
-        if abs(tracks[0].t_s[row] - frame.t_s) < 1e-6:
-            images.append(
-                cv2.resize(seen_from_first(frame, tracks[0]), None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
-            )
+    for t_s, image in sampled_views(video, tracks[0], LONGEST_PX):
+        row = int(np.argmin(np.abs(tracks[0].t_s - t_s)))
+        if abs(tracks[0].t_s[row] - t_s) < 1e-6:
+            images.append(image)
             rows.append(row)
     if not images:
         return None
-    still = multiple_exposure(video, tracks[0])[..., ::-1]
-    still = cv2.resize(still, images[0].shape[1::-1], interpolation=cv2.INTER_AREA)
+    scale = min(1.0, LONGEST_PX / max(video.width, video.height))
+    still = multiple_exposure(images[:: -(-len(images) // PHASES)])
     in_page = [(track.xy_px + 0.5) * scale for track in tracks]
     markers = [
         Marker(_name(k, tracks), f"body-{k % BODIES + 1}", path[rows], scale * _radius_px(tracks[k])[rows], False, k)

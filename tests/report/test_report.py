@@ -303,7 +303,7 @@ def test_track_is_drawn_over_the_clip(hostile_run):
 
 def test_multiple_exposure_shows_the_body_at_several_times():
     places = np.column_stack([np.linspace(10, 117, 30), np.full(30, 48.0)])
-    picture = figures.multiple_exposure(moving_disc(places, 5.0, noise=0.0))
+    picture = figures.multiple_exposure([frame.bgr() for frame in moving_disc(places, 5.0, noise=0.0).sample(9)])
     bright = picture[48, :, 0] > 130
     assert 3 <= np.count_nonzero(np.diff(bright.astype(int)) == 1) <= figures.PHASES
 

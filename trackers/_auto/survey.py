@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 import cv2
 import numpy as np
@@ -11,6 +12,7 @@ import numpy as np
 from iris_sysid.types import Array
 from trackers._background.median import estimate_background
 from trackers._detection.foreground import Blob, background_range_of, blobs
+from trackers._frames.ahead import ahead
 from trackers._frames.arrays import Bytes, Flags, Image
 
 THINNEST = 2.0  # px, inscribed radius at the size of the search
@@ -124,7 +126,8 @@ def foregrounds_of(images: Sequence[Bytes]) -> tuple[Image, list[list[Blob]]]:
     estimate = estimate_background(np.stack(images))
     background_range = background_range_of(estimate)
     # light that flickers or adapts moves the whole image: the middle difference is not motion
-    return estimate.background, [blobs(background_range, _levelled(image, estimate.background)) for image in images]
+    levelled = (_levelled(image, estimate.background) for image in images)
+    return estimate.background, list(ahead(partial(blobs, background_range), levelled))
 
 
 def blob_at(foreground: Sequence[Blob], place: tuple[float, float]) -> Blob | None:

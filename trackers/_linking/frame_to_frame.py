@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from iris_sysid.types import Array
 from trackers._detection.detection import Detection, FrameDetections
+from trackers._linking.least_cost import least_cost_pairs
 
 SPEED_CHANGE = 0.8  # of the distance that the body goes in the time
 LONGEST_GAP = 5  # frames over which a tracklet is predicted
@@ -141,5 +141,5 @@ def _assign(
         for column in np.flatnonzero(miss < 1.0):
             appearance = dissimilarity(tracklet.last, frame_detections.detections[column])
             cost[row, column] = miss[column] + APPEARANCE_WEIGHT * appearance
-    rows, columns = linear_sum_assignment(cost)
+    rows, columns = least_cost_pairs(cost)
     return {int(r): int(c) for r, c in zip(rows, columns, strict=True) if cost[r, c] < DEAREST}

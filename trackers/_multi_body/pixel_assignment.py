@@ -8,8 +8,6 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.cluster.vq import kmeans2
-from scipy.spatial.distance import cdist
 
 from iris_sysid.types import Array
 from trackers._detection.foreground import BackgroundRange
@@ -140,6 +138,8 @@ class ClassPixels:
 
     def assign_without_prediction(self, count: int, rng: np.random.Generator) -> PixelAssignment:
         """Share the pixels out among ``count`` bodies without knowing where they are: the best of many starts."""
+        from scipy.cluster.vq import kmeans2
+
         starts = [kmeans2(self.xy, count, iter=3, minit="++", rng=rng)[0] for _ in range(TRIES)]
         return min((self.assign(start) for start in starts), key=lambda assignment: assignment.energy)
 
@@ -151,7 +151,7 @@ class ClassPixels:
     def _lloyd(self, start: Array) -> PixelAssignment:
         centres, reach = start.astype(np.float64), (REACH * self.radius) ** 2
         for _ in range(ROUNDS):
-            apart = cdist(self.xy, centres, "sqeuclidean")
+            apart = ((self.xy[:, np.newaxis] - centres) ** 2).sum(axis=-1)
             labels = apart.argmin(axis=1)
             distance = apart[np.arange(len(labels)), labels]
             labels = np.where(distance < reach, labels, -1)

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from iris_sysid.errors import TrackingError
 from iris_sysid.types import Array, Mask
+from trackers._linking.least_cost import least_cost_pairs
 from trackers._multi_body.appearance_classes import AppearanceClass
 from trackers._multi_body.motion_model import MotionStates
 from trackers._multi_body.pixel_assignment import ClassPixels, CoveredPixels, PixelAssignment
@@ -186,7 +186,7 @@ def _assigned(motions: MotionStates, bodies: NDArray[np.int64], assignment: Pixe
     """The assignments given to the bodies at the least total squared distance from the predictions (Kuhn-Munkres)."""
     variance = motions.covariance[bodies, 0, 0][:, np.newaxis]
     miss = ((motions.position[bodies][:, np.newaxis] - assignment.centres) ** 2).sum(axis=-1) / variance
-    _, columns = linear_sum_assignment(np.minimum(miss, FAR))
+    _, columns = least_cost_pairs(np.minimum(miss, FAR))
     return assignment.taken(columns)
 
 

@@ -14,10 +14,10 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from iris_sysid.errors import TrackingError
 from iris_sysid.types import Array, Detections, Linker, LinkOptions, Track
+from trackers._linking.least_cost import least_cost_pairs
 
 DEFAULT_RANGE = 0.25  # of the diagonal: how far a body may be from its prediction, where no search range is given
 SPEED_CHANGE = 0.2  # of the distance that a body goes: standard deviation of where it is from where it is predicted
@@ -53,7 +53,7 @@ class _Links:
         ends = np.array([self._alone(piece, self.options.death_odds) for piece in pieces])
         starts = np.array([self._alone(piece, self.options.birth_odds) for piece in others])
         more = np.minimum(self._costs(pieces, others) - ends[:, np.newaxis] - starts, 0.0)
-        pairs = zip(*linear_sum_assignment(more), strict=True)
+        pairs = zip(*least_cost_pairs(more), strict=True)
         return {int(row): int(column) for row, column in pairs if more[row, column] < 0}
 
     def _alone(self, piece: Piece, odds: float) -> float:

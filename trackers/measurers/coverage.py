@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from iris_sysid.errors import DataError, TrackingError
 from iris_sysid.types import FrameSource, Measurer, Track, TrackOptions, with_progress
@@ -14,6 +13,7 @@ from trackers._detection.detection import Detection, FrameCandidates, FrameDetec
 from trackers._frames.ahead import ahead
 from trackers._frames.working_image import view_of
 from trackers._linking.frame_to_frame import Tracklet
+from trackers._linking.least_cost import least_cost_pairs
 from trackers._linking.to_track import track_of
 
 NEAREST_PX = 3.0  # a body is met within its radius, or this, px
@@ -101,7 +101,7 @@ def _nearest(detections: Sequence[Detection], tracks: Sequence[Track], at: dict[
         distance = np.hypot(*(places - tracks[body].xy_px[row]).T)
         away[number] = np.where(distance <= reach, distance, FAR)
     bodies = list(at)
-    pairs = zip(*linear_sum_assignment(away), strict=True)
+    pairs = zip(*least_cost_pairs(away), strict=True)
     return {bodies[number]: int(k) for number, k in pairs if away[number, k] < FAR}
 
 
