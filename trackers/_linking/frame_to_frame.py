@@ -26,6 +26,11 @@ class Brightness(NamedTuple):
     brightening: float
     contrast: float
 
+    def is_steady(self, other: Brightness, share: float) -> bool:
+        """Whether its own brightness changed by less than such a share of the change of the background behind it."""
+        behind = self.intensity - self.brightening, other.intensity - other.brightening
+        return abs(self.intensity - other.intensity) < share * abs(behind[0] - behind[1])
+
     def opposition(self, other: Brightness) -> float:
         """How far two bodies are on opposite sides of their background: 0 not at all, 2 as far as can be.
 

@@ -26,9 +26,10 @@ NOTHING = 1e-9  # of a feature: a speck of noise may have an outline that is not
 SAME = {
     "radius": np.log(1.6),
     "contrast": np.log(3),
-    "sharpness": np.log(4),
+    "steepness": np.log(4),
     "compactness": np.log(2),
 }  # largest log ratios in one body
+STEADY = 0.5  # of the change of what is behind: a body whose own brightness changes less is the same
 OPPOSITE = 1.0  # of 2: a body is brighter, or darker, than its background as a whole
 SPEED_MARGIN = 1.5  # times the fastest that the body was seen to go
 END_MARGIN = 1.5  # times the reach: how far off the first or last detection may be
@@ -173,21 +174,26 @@ def _trimmed(detections: list[Detection]) -> list[Detection]:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Appearance:
-    """Appearance of a body: the logarithms of its features in ``SAME``, and its brightness."""
+    """Appearance of a body: the logarithms of its features in ``SAME``, and its brightness.
+
+    The steepness of its outline is that of the contrast, 1/px, whatever is behind.
+    """
 
     features: dict[str, float]
     brightness: Brightness
 
     @classmethod
     def of(cls, tracklet: Tracklet) -> _Appearance:
-        features = {name: float(np.log(max(tracklet.typical(name), NOTHING))) for name in SAME}
-        return cls(features, tracklet.brightness)
+        seen = {name: tracklet.typical(name) for name in ("radius", "contrast", "sharpness", "compactness")}
+        seen["steepness"] = seen["sharpness"] / seen["contrast"]
+        return cls({name: float(np.log(max(seen[name], NOTHING))) for name in SAME}, tracklet.brightness)
 
     def is_like(self, other: _Appearance) -> bool:
-        """Whether two bodies are alike in size, contrast, sharpness and shape, and not opposite in brightness."""
-        if self.brightness.opposition(other.brightness) > OPPOSITE:
-            return False
-        return all(abs(self.features[name] - other.features[name]) < limit for name, limit in SAME.items())
+        """Whether two bodies are alike in size, outline and shape, and in contrast or in their own brightness."""
+        alike = {name for name, limit in SAME.items() if abs(self.features[name] - other.features[name]) < limit}
+        if self.brightness.is_steady(other.brightness, STEADY):
+            return alike >= SAME.keys() - {"contrast"}
+        return alike >= SAME.keys() and self.brightness.opposition(other.brightness) <= OPPOSITE
 
 
 @dataclass(frozen=True, eq=False, slots=True)
