@@ -270,12 +270,22 @@ def test_body_that_leaves_the_image_leaves_a_gap_and_is_found_again():
     path = swing(120, (80, 48), (110, 10), period=60)
     track = one_track(moving_disc(path, 7, SHAPE))
     inside = (path[:, 0] > 9) & (path[:, 0] < SHAPE[1] - 10)
-    cut = (path[:, 0] < 6) | (path[:, 0] > SHAPE[1] - 7)
+    out = (path[:, 0] < -0.5) | (path[:, 0] > SHAPE[1] - 0.5)
     assert track.valid[inside].all()
-    assert not track.valid[cut].any()
-    assert np.isnan(track.xy_px[cut]).all()
-    assert np.isnan(track.sigma_px[cut]).all()
-    assert rms(errors_px(track, path)) < 0.05
+    assert not track.valid[out].any()
+    assert np.isnan(track.xy_px[out]).all()
+    assert np.isnan(track.sigma_px[out]).all()
+    assert rms((track.xy_px - path)[inside]) < 0.05
+
+
+def test_a_body_that_the_edge_cuts_in_the_end_has_a_position_with_its_error():
+    path = np.column_stack([np.linspace(30, SHAPE[1] + 20, 60), 48 + 10 * np.sin(np.arange(60) / 10)])
+    track = one_track(moving_disc(path, 8, SHAPE))
+    cut = (path[:, 0] > SHAPE[1] - 8) & (path[:, 0] < SHAPE[1] - 2)
+    assert track.valid[cut].all()
+    assert not track.valid[path[:, 0] > SHAPE[1] + 2].any()
+    pulls = (track.xy_px - path)[cut] / track.sigma_px[cut]
+    assert 0.05 < rms(pulls) < 1.25, "a side known to a pixel tells more than that here"
 
 
 def test_body_that_is_hidden_for_a_moment_is_a_gap():
