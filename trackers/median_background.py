@@ -22,7 +22,7 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
         The clip; its camera stands still.
     options
         ``bodies`` is the number to follow, ``roi`` limits the image, ``colour`` limits the bodies to
-        one colour, ``progress`` is called now and then; ``mask`` says which pixels are bodies.
+        one colour, ``progress`` is called every ten frames; ``mask`` says which pixels are bodies.
 
     Returns
     -------

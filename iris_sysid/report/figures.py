@@ -32,7 +32,7 @@ COLOURS = {
 }
 FIT_COLOUR = "#000000"
 FRAMES, PHASES = 60, 9  # sampled for a page; of them in a multiple exposure
-LARGEST_PX = 1600  # side of a multiple exposure
+MAX_SIDE_PX = 1600  # side of a multiple exposure
 CHANGED = 24  # grey levels, well above the noise of a sensor: only moving parts are superposed
 TALLEST_IN, NARROWEST_IN = 9.0, 3.5  # of the picture of a tall clip
 CURVE_POINTS = 600
@@ -86,7 +86,7 @@ def draw_track(
     video, tracks, trajectory, calibration
         As for :func:`track_figure`.
     """
-    views = sampled_views(video, tracks[0] if tracks else None, LARGEST_PX, PHASES)
+    views = sampled_views(video, tracks[0] if tracks else None, MAX_SIDE_PX, PHASES)
     width, height = video.width, video.height
     picture = multiple_exposure([image for _, image in views])[..., ::-1]
     axes.imshow(picture, extent=(-0.5, width - 0.5, height - 0.5, -0.5))
@@ -106,9 +106,19 @@ def draw_track(
 def sampled_views(
     video: FrameSource, body: Track | None, largest_px: float, count: int = FRAMES
 ) -> list[tuple[float, NDArray[np.uint8]]]:
-    """Time, s, and image (h, w, 3) uint8 BGR of sampled frames, at most so many, with no side longer than so many px.
+    """Time, s, and image (h, w, 3) uint8 BGR of sampled frames.
 
-    Where the camera moves, as the track of a ``body`` says, each is laid where the first frame shows the scene.
+    Parameters
+    ----------
+    video
+        The clip.
+    body
+        A track that follows the motion of the camera: each image is laid where the first frame shows the scene. None
+        for a camera at rest.
+    largest_px
+        Longest side of an image, px.
+    count
+        Most frames.
     """
     scale = min(1.0, largest_px / max(video.width, video.height))
     size = round(scale * video.width), round(scale * video.height)
