@@ -32,7 +32,7 @@ COLOURS = {
 }
 FIT_COLOUR = "#000000"
 FRAMES, PHASES = 60, 9  # sampled for a page; of them in a multiple exposure
-MAX_SIDE_PX = 1600  # side of a multiple exposure
+MAX_PX = 1600  # side of a multiple exposure
 CHANGED = 24  # grey levels, well above the noise of a sensor: only moving parts are superposed
 TALLEST_IN, NARROWEST_IN = 9.0, 3.5  # of the picture of a tall clip
 CURVE_POINTS = 600
@@ -86,7 +86,7 @@ def draw_track(
     video, tracks, trajectory, calibration
         As for :func:`track_figure`.
     """
-    views = sampled_views(video, tracks[0] if tracks else None, MAX_SIDE_PX, PHASES)
+    views = sampled_views(video, tracks[0] if tracks else None, MAX_PX, PHASES)
     width, height = video.width, video.height
     picture = multiple_exposure([image for _, image in views])[..., ::-1]
     axes.imshow(picture, extent=(-0.5, width - 0.5, height - 0.5, -0.5))

@@ -9,19 +9,20 @@ import numpy as np
 from iris_sysid.types import TrackOptions
 from tests._drawn import DrawnClip, disc, noisy, paint, swing
 from trackers._detection.detect_frames import detection_setup, measure_rough, observe
-from trackers._detection.detection import Detection, FrameDetections
+from trackers._detection.detection import Detection, EdgeObject, FrameDetections
 from trackers._detection.subpixel_centroid import Centre
 from trackers._frames.working_image import view_of
-from trackers._linking.frame_to_frame import link
+from trackers._linking.at_edge import with_frames_at_edge
+from trackers._linking.frame_to_frame import Tracklet, link
 from trackers._linking.likely_bodies import LikelyBodies
-from trackers._linking.select_bodies import link_bodies
+from trackers._linking.select_bodies import link_bodies, with_fragments
 
 RADIUS, SPEED = 20.0, 50.0  # px, px a frame: farther than the two are wide together
 
 
 def detection(frame, x, brightening):
-    """A ball of that radius that differs from what is behind it by 50 grey levels."""
-    centre = Centre(x, 100.0, 0.05, 0.05, np.pi * RADIUS**2, 5.0, 50.0, 100.0, 1.0, cut=False)
+    """A ball of that radius that differs by 50 grey levels from a background of 100."""
+    centre = Centre(x, 100.0, 0.05, 0.05, np.pi * RADIUS**2, 5.0, 50.0, 100.0 + brightening, 1.0, cut=False)
     return Detection(frame, frame / 60, centre, 0, 0, brightening, 10.0, 1.0, hand=False)
 
 
@@ -52,6 +53,48 @@ def test_a_dark_and_a_light_ball_that_strike_one_another_keep_their_paths():
     assert [len(path.detections) for path in paths] == [20, 20]
     for path in paths:
         assert len({detection.brightening for detection in path.detections}) == 1
+
+
+def test_a_ball_that_comes_before_a_darker_wall_is_the_same_ball():
+    seen = [FrameDetections(k, k / 60, (detection(k, 50.0 + 30 * k, -50.0),), ()) for k in range(20)]
+    bright = [replace(d, brightening=50.0) for frame in seen[10:] for d in frame.detections]  # its own luma stays
+    seen = seen[:10] + [replace(frame, detections=(d,)) for frame, d in zip(seen[10:], bright, strict=True)]
+    (path,) = link_bodies(seen, 1, 800.0)
+    assert len(path.detections) == 20
+
+
+def test_a_piece_that_shares_a_frame_with_a_body_adds_its_other_frames():
+    body = Tracklet([detection(k, 50.0 + 30 * k, 50.0) for k in range(10, 30)])
+    piece = Tracklet([detection(k, 50.0 + 30 * k, 50.0) for k in range(11)])
+    (joined,) = with_fragments([body], [piece])
+    assert [seen.frame for seen in joined.detections] == list(range(30))
+    double = Tracklet([detection(k, 90.0 + 30 * k, 50.0) for k in range(5, 20)])
+    (alone,) = with_fragments([Tracklet(list(joined.detections[10:]))], [double])
+    assert alone.first.frame == 10, "seen together as long, they are two bodies"
+
+
+def leaving(sides):
+    """A ball that leaves to the right, and objects at the edge of the image afterwards: left, top, right, bottom."""
+    path = [FrameDetections(k, k / 60, (detection(k, 100.0 + 10 * k, 50.0),), ()) for k in range(8)]
+    cut = [FrameDetections(8 + k, (8 + k) / 60, (), (EdgeObject(box, 1000.0, RADIUS),)) for k, box in enumerate(sides)]
+    return Tracklet([frame.detections[0] for frame in path]), path + cut
+
+
+def test_a_body_that_the_edge_cuts_is_placed_by_its_visible_side():
+    body, seen = leaving([(161, 80, 200, 120), (171, 80, 200, 120), (181, 82, 200, 118)])
+    found = with_frames_at_edge(body, seen, (0, 0, 200, 200), 1)
+    assert [d.frame for d in found.detections] == list(range(10)), "of the third less than half is visible"
+    ninth = found.detections[8]
+    assert (ninth.x, ninth.y) == (180.5, 99.5)
+    assert ninth.centre.sigma_x == 0.1 * RADIUS
+
+
+def test_another_object_at_the_edge_is_not_the_body():
+    hand = (150, 20, 200, 160)
+    elsewhere = (161, 10, 200, 50)
+    for box in (hand, elsewhere):
+        body, seen = leaving([box])
+        assert len(with_frames_at_edge(body, seen, (0, 0, 200, 200), 1).detections) == 8
 
 
 def test_balls_that_look_alike_go_where_they_were_predicted():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,6 +17,29 @@ LONGEST_GAP = 5  # frames over which a tracklet is predicted
 APPEARANCE_WEIGHT = 1.0  # cost of looking different by a factor e, beside 1 for a miss as large as the reach
 DEAREST = 2.0  # cost above which a detection is not joined
 FORBIDDEN = 1e6
+
+
+class Brightness(NamedTuple):
+    """Mean luma of a body, its signed mean difference from the background, and its contrast, grey levels."""
+
+    intensity: float
+    brightening: float
+    contrast: float
+
+    def is_steady(self, other: Brightness, share: float) -> bool:
+        """Whether its own brightness changed by less than such a share of the change of the background behind it."""
+        behind = self.intensity - self.brightening, other.intensity - other.brightening
+        return abs(self.intensity - other.intensity) < share * abs(behind[0] - behind[1])
+
+    def opposition(self, other: Brightness) -> float:
+        """How far two bodies are on opposite sides of their background: 0 not at all, 2 as far as can be.
+
+        A body darker than its background is on side -1, a brighter one on side 1. Two balls that strike each other may
+        differ in nothing else. One that keeps its own brightness and comes before another background is the same body:
+        what counts is the change of its own brightness over the sum of the contrasts.
+        """
+        apart = abs(self.brightening / self.contrast - other.brightening / other.contrast)
+        return apart * min(1.0, abs(self.intensity - other.intensity) / (self.contrast + other.contrast))
 
 
 @dataclass(eq=False)
@@ -50,6 +74,14 @@ class Tracklet:
             return float(getattr(self.last, name))
         return float(np.median([getattr(detection, name) for detection in self.detections]))
 
+    @property
+    def brightness(self) -> Brightness:
+        """Median brightness."""
+        if len(self.detections) == 1:
+            return brightness_of(self.last)
+        each = [brightness_of(detection) for detection in self.detections]
+        return Brightness(*np.median(each, axis=0).tolist())
+
     def velocity(self) -> Array:
         """Velocity (2,) between the last two detections, px/s; zero when there is one."""
         if len(self.detections) < 2:
@@ -67,18 +99,18 @@ class Tracklet:
         return max(3.0 * self.last.radius, change)
 
 
-def dissimilarity(detection: Detection, other: Detection) -> float:
-    """How different two detections look: log ratios of area, contrast and, weighing half, compactness; and the side.
+def brightness_of(detection: Detection) -> Brightness:
+    """Brightness of one detection."""
+    return Brightness(detection.centre.intensity, detection.brightening, detection.contrast)
 
-    The side is -1 for a body darker than its background, 1 for a brighter one: two balls that strike each other are
-    where the other one is predicted, and may differ in nothing else.
-    """
-    sides = (detection.brightening / detection.contrast, other.brightening / other.contrast)
+
+def dissimilarity(detection: Detection, other: Detection) -> float:
+    """How different two detections look: log ratios of area, contrast and, weighing half, compactness; and the side."""
     return float(
         abs(np.log(detection.area / other.area))
         + abs(np.log(detection.contrast / other.contrast))
         + 0.5 * abs(np.log(detection.compactness / other.compactness))
-        + 0.5 * abs(sides[0] - sides[1])
+        + 0.5 * brightness_of(detection).opposition(brightness_of(other))
     )
 
 

@@ -13,6 +13,7 @@ from iris_sysid.types import FrameSource, Track, TrackMark, TrackOptions
 from trackers._detection.detect_frames import DetectionSetup, detection_setup, observe
 from trackers._detection.detection import FrameDetections
 from trackers._frames.working_image import View, view_of
+from trackers._linking.at_edge import with_frames_at_edge
 from trackers._linking.frame_to_frame import Tracklet
 from trackers._linking.likely_bodies import LikelyBodies, all_measured
 from trackers._linking.refined_background import refined_setup
@@ -64,7 +65,7 @@ class MovingBodies:
             raise TrackingError("all bodies were followed at once: there are no other paths")
         diagonal = float(np.hypot(video.width, video.height))
         tracklets = link_bodies(self.all_detections, options.bodies, diagonal, meant)
-        return replace(self, tracklets=all_measured(video, self.setup, tracklets))
+        return replace(self, tracklets=_measured(video, self.setup, self.all_detections, tracklets))
 
 
 def is_apart(tracks: Sequence[Track], tracklet: Tracklet) -> bool:
@@ -131,7 +132,16 @@ def _each_or_together(video: FrameSource, view: View, options: TrackOptions) -> 
             joint = track_together(video, view, options)
             if _seen(joint[1]) > _seen(tracklets):
                 return MovingBodies(*joint)
-    return MovingBodies(all_detections, all_measured(video, setup, tracklets), setup.view, setup)
+    return MovingBodies(all_detections, _measured(video, setup, all_detections, tracklets), setup.view, setup)
+
+
+def _measured(
+    video: FrameSource, setup: DetectionSetup, all_detections: Sequence[FrameDetections], tracklets: list[Tracklet]
+) -> list[Tracklet]:
+    """The tracklets with all detections measured, and what the edge of the image leaves of the bodies."""
+    measured = all_measured(video, setup, tracklets)
+    view = setup.view
+    return [with_frames_at_edge(tracklet, all_detections, view.box, view.step) for tracklet in measured]
 
 
 def _seen(tracklets: Sequence[Tracklet]) -> int:

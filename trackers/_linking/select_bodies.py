@@ -11,7 +11,7 @@ import numpy as np
 
 from iris_sysid.errors import TrackingError
 from trackers._detection.detection import HAND_SHARE, Box, Detection, EdgeObject, FrameDetections
-from trackers._linking.frame_to_frame import Tracklet, link
+from trackers._linking.frame_to_frame import Brightness, Tracklet, link
 
 FIRST_REACH = 0.25  # of the image's diagonal: how far a body may go between its first two detections
 CAUTIOUS_REACH = 0.03  # of the diagonal: how far from its prediction it may be among anything that moves
@@ -26,10 +26,11 @@ NOTHING = 1e-9  # of a feature: a speck of noise may have an outline that is not
 SAME = {
     "radius": np.log(1.6),
     "contrast": np.log(3),
-    "sharpness": np.log(4),
+    "steepness": np.log(4),
     "compactness": np.log(2),
 }  # largest log ratios in one body
-ONE_SIGN = 0.5  # of the contrast: a body is brighter, or darker, than the background as a whole
+STEADY = 0.5  # of the change of what is behind: a body whose own brightness changes less is the same
+OPPOSITE = 1.0  # of 2: a body is brighter, or darker, than its background as a whole
 SPEED_MARGIN = 1.5  # times the fastest that the body was seen to go
 END_MARGIN = 1.5  # times the reach: how far off the first or last detection may be
 LONE_END_MARGIN = 0.4  # the same after a gap: one detection beyond it is soon a chance
@@ -77,12 +78,13 @@ def _only_alike(
     """The frames with only those detections that are of one of the bodies, or look like it and are no shadow."""
     of_bodies = {id(detection) for body in bodies for detection in body.detections}
     of_shadows = {id(detection) for shadow in shadows for detection in shadow.detections}
-    appearance = [_appearance(body) for body in bodies]
+    known = [_Appearance.of(body) for body in bodies]
 
     def meant(detection: Detection) -> bool:
         if id(detection) in of_bodies or id(detection) in of_shadows:
             return id(detection) in of_bodies
-        return any(_alike(_appearance(Tracklet([detection])), body) for body in appearance)
+        seen = _Appearance.of(Tracklet([detection]))
+        return any(seen.is_like(body) for body in known)
 
     return [
         replace(frame_detections, detections=tuple(filter(meant, frame_detections.detections)))
@@ -135,16 +137,21 @@ def is_shadow(tracklet: Tracklet, body: Tracklet) -> bool:
 
 
 def with_fragments(bodies: list[Tracklet], fragments: list[Tracklet]) -> list[Tracklet]:
-    """The bodies, each with the pieces that can only be more of it, the best pieces first."""
+    """The bodies, each with the pieces that can only be more of it, the best pieces first.
+
+    A piece that shares some frames with a body, fewer than two bodies would, adds its other frames.
+    """
     properties = [_properties(body) for body in bodies]
     for fragment in sorted(fragments, key=lambda tracklet: -len(tracklet.detections)):
-        frames = fragment.frames
-        free = [
-            k for k, body in enumerate(properties) if not body.frames & frames and _may_be(fragment, bodies[k], body)
-        ]
+        pieces = {
+            k: Tracklet([detection for detection in fragment.detections if detection.frame not in known.frames])
+            for k, known in enumerate(properties)
+            if _overlap_in_time(fragment, bodies[k]) < MIN_OVERLAP
+        }
+        free = [k for k, piece in pieces.items() if piece.detections and _may_be(piece, bodies[k], properties[k])]
         if free:
-            nearest = min(free, key=lambda k: _gap_px(fragment, bodies[k]))
-            detections = [*bodies[nearest].detections, *fragment.detections]
+            nearest = min(free, key=lambda k: _gap_px(pieces[k], bodies[k]))
+            detections = [*bodies[nearest].detections, *pieces[nearest].detections]
             bodies[nearest].detections = sorted(detections, key=lambda detection: detection.frame)
             properties[nearest] = _properties(bodies[nearest])
     for body in bodies:
@@ -165,17 +172,28 @@ def _trimmed(detections: list[Detection]) -> list[Detection]:
     return kept
 
 
-def _appearance(tracklet: Tracklet) -> dict[str, float]:
-    """Appearance of a tracklet: the logarithms of the features in ``SAME``, and how much brighter it is, -1 to 1."""
-    appearance = {name: float(np.log(max(tracklet.typical(name), NOTHING))) for name in SAME}
-    return appearance | {"side": tracklet.typical("brightening") / tracklet.typical("contrast")}
+@dataclass(frozen=True, eq=False, slots=True)
+class _Appearance:
+    """Appearance of a body: the logarithms of its features in ``SAME``, and its brightness.
 
+    The steepness of its outline is that of the contrast, 1/px, whatever is behind.
+    """
 
-def _alike(appearance: dict[str, float], other: dict[str, float]) -> bool:
-    """Whether two foreground are alike in size, contrast, sharpness and shape, and not opposite in brightness."""
-    sides = sorted([appearance["side"], other["side"]])
-    opposite = sides[0] < -ONE_SIGN and sides[1] > ONE_SIGN
-    return not opposite and all(abs(appearance[name] - other[name]) < limit for name, limit in SAME.items())
+    features: dict[str, float]
+    brightness: Brightness
+
+    @classmethod
+    def of(cls, tracklet: Tracklet) -> _Appearance:
+        seen = {name: tracklet.typical(name) for name in ("radius", "contrast", "sharpness", "compactness")}
+        seen["steepness"] = seen["sharpness"] / seen["contrast"]
+        return cls({name: float(np.log(max(seen[name], NOTHING))) for name in SAME}, tracklet.brightness)
+
+    def is_like(self, other: _Appearance) -> bool:
+        """Whether two bodies are alike in size, outline and shape, and in contrast or in their own brightness."""
+        alike = {name for name, limit in SAME.items() if abs(self.features[name] - other.features[name]) < limit}
+        if self.brightness.is_steady(other.brightness, STEADY):
+            return alike >= SAME.keys() - {"contrast"}
+        return alike >= SAME.keys() and self.brightness.opposition(other.brightness) <= OPPOSITE
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -183,22 +201,22 @@ class _BodyProperties:
     """Of a body's tracklet: the frames in which it is seen, its looks, and the fastest that it goes, px/s."""
 
     frames: set[int]
-    appearance: dict[str, float]
+    appearance: _Appearance
     fastest: float
 
 
 def _properties(body: Tracklet) -> _BodyProperties:
     steps = np.linalg.norm(np.diff(body.xy, axis=0), axis=1) / np.diff([detection.t_s for detection in body.detections])
-    return _BodyProperties(body.frames, _appearance(body), float(np.max(steps)))
+    return _BodyProperties(body.frames, _Appearance.of(body), float(np.max(steps)))
 
 
 def _may_be(fragment: Tracklet, body: Tracklet, properties: _BodyProperties) -> bool:
     """Whether a piece looks like the body and could be reached by it."""
-    if not _alike(_appearance(fragment), properties.appearance):
+    if not _Appearance.of(fragment).is_like(properties.appearance):
         return False
     fragment_end, body_end = _ends(fragment, body)
     allowed = SPEED_MARGIN * properties.fastest * abs(fragment_end.t_s - body_end.t_s) + 2 * np.exp(
-        properties.appearance["radius"]
+        properties.appearance.features["radius"]
     )
     return bool(np.hypot(fragment_end.x - body_end.x, fragment_end.y - body_end.y) <= allowed)
 
