@@ -131,7 +131,7 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
 
 
 def _patch(luma: Bytes) -> Patch:
-    """The patch in the first frame; TrackingError where there is nothing in it by which to know it again."""
+    """The patch in the first frame; TrackingError where it has too little structure to be found again."""
     image = luma.astype(np.float32)
     if float(image.std()) < MIN_CONTRAST:
         raise TrackingError("there is nothing in the region but one grey level; give a region in which the body lies")

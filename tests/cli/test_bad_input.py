@@ -172,7 +172,7 @@ TRACK_TABLE = [
     ("track cut.mp4 -o t.csv", "cut.mp4"),
     ("track still.mp4 -o t.csv", "nothing moves in the clip"),
     ("track one_frame.mp4 -o t.csv", r"the clip has 1 frame\(s\)"),
-    ("track leaving.mp4 -o t.csv --bodies 2", r"2 bodies were asked for, but only 1 move\(s\)"),
+    ("track leaving.mp4 -o t.csv --bodies 2", r"2 bodies were requested, but only 1 move\(s\)"),
     ("track two_movers.mp4 -o t.csv --bodies 3", "3 bodies were requested, but no frame shows that number at once"),
     ("track pendulum.mp4 -o t.csv --phenomenon swing", "no phenomenon is named 'swing'"),
     ("track pendulum.mp4 -o t.csv --tracker swing", "no tracker is named 'swing'; there are"),

@@ -189,7 +189,7 @@ class BlobDetector:
         x, y = view.in_frame(left + x, top + y)
         unknown = (np.inf,) * 2
         centre = Centre(x, y, *unknown, area * step**2, np.inf, contrast, intensity, np.inf, cut=False)
-        hand = blob.held or any(touches(blob, thing) for thing in reaching)
+        hand = blob.held or any(touches(blob, other) for other in reaching)
         compactness = min(1.0, np.pi * blob.inscribed**2 / blob.area)
         stated = (brightening, sharpness / step, compactness, hand)
         return Detection(frame.index, frame.t_s, centre, 0, 0, *stated, measured=False)
@@ -215,7 +215,7 @@ class BlobDetector:
         reaching
             Objects that reach in from the edge and may be a hand.
         """
-        hand = blob.held or any(touches(blob, thing) for thing in reaching)
+        hand = blob.held or any(touches(blob, other) for other in reaching)
         outline = self._outline(frame, blob, bodies, hand)
         return None if outline is None else self._detection(outline, ())
 
@@ -270,7 +270,7 @@ class BlobDetector:
         image = self.view.part(frame, (left, top, right, bottom), size)
         planes = _as_plane(image), _as_plane(estimate.background), _as_plane(estimate.noise)
         mask = _pasted([blob], (top, bottom, left, right), finer)
-        other = _pasted([thing for thing in bodies if thing is not blob], (top, bottom, left, right), finer)
+        other = _pasted([body for body in bodies if body is not blob], (top, bottom, left, right), finer)
         background, mask, other = made_ready(planes, mask, other, finer)
         return Window(planes[0], background, planes[2], mask, other, self.inflation), left, top
 
@@ -314,18 +314,18 @@ def _pasted(blobs: list[Blob], within: tuple[int, int, int, int], finer: int) ->
     return pasted
 
 
-def touches(blob: Blob, thing: Blob) -> bool:
+def touches(blob: Blob, reaching: Blob) -> bool:
     """Whether something reaching in from the edge, thick enough for a hand or an arm, is at the body."""
-    if thing is blob or thing.inscribed < HAND_SHARE * blob.inscribed:
+    if reaching is blob or reaching.inscribed < HAND_SHARE * blob.inscribed:
         return False
     reach = max(2.0, HAND_GAP * blob.inscribed)
     x0, y0, x1, y1 = blob.box
-    a0, b0, a1, b1 = thing.box
+    a0, b0, a1, b1 = reaching.box
     if a0 > x1 + reach or a1 < x0 - reach or b0 > y1 + reach or b1 < y0 - reach:
         return False
     left, top = min(x0, a0), min(y0, b0)
     canvas = np.ones((max(y1, b1) - top, max(x1, a1) - left), dtype=np.uint8)
-    canvas[b0 - top : b1 - top, a0 - left : a1 - left] -= thing.mask
+    canvas[b0 - top : b1 - top, a0 - left : a1 - left] -= reaching.mask
     away = depth_of(canvas, outside=False)
     distance = away[y0 - top : y1 - top, x0 - left : x1 - left]
     return bool(distance[blob.mask > 0].min() <= reach)

@@ -30,7 +30,7 @@ def with_frames_at_edge(body: Tracklet, all_detections: Sequence[FrameDetections
     all_detections
         Those of all frames, in order.
     box
-        Left, top, right, bottom (exclusive) of the image that is looked at, px.
+        Left, top, right, bottom (exclusive) of the region of interest, px.
     step
         Side, px, of the pixels in which objects were found.
     """
@@ -48,7 +48,7 @@ def _going_on(body: Tracklet, frames: Sequence[FrameDetections], box: Box, step:
     path, radius = Tracklet(list(body.detections)), body.typical("radius")
     found: list[Detection] = []
     for seen in frames:
-        places = [place for thing in seen.edge_objects if (place := _place(thing, radius, box, TOUCHES * step))]
+        places = [place for reaching in seen.edge_objects if (place := _place(reaching, radius, box, TOUCHES * step))]
         expected = path.predicted(seen.t_s)
         reach = max(radius, SPEED_CHANGE * float(np.hypot(*path.velocity())) * abs(seen.t_s - path.last.t_s))
         off = [float(np.hypot(*(np.array(place) - expected))) for place in places]
@@ -59,9 +59,9 @@ def _going_on(body: Tracklet, frames: Sequence[FrameDetections], box: Box, step:
     return found
 
 
-def _place(thing: EdgeObject, radius: float, box: Box, reach: float) -> tuple[float, float] | None:
+def _place(reaching: EdgeObject, radius: float, box: Box, reach: float) -> tuple[float, float] | None:
     """Centre (x, y), px, of a body of that radius which one side of the image cuts; None where it is something else."""
-    low, high = np.array(thing.box[:2]), np.array(thing.box[2:])
+    low, high = np.array(reaching.box[:2]), np.array(reaching.box[2:])
     before, beyond = low <= np.array(box[:2]) + reach, high >= np.array(box[2:]) - reach
     cut = before | beyond
     if cut.sum() != 1 or (before & beyond).any():

@@ -125,7 +125,7 @@ def _measured(
     """
     bodies = [core_of(pixels, assignment, body) for body in range(len(assignment.filled))]
     known = [blob for blob in bodies if blob is not None]
-    reaching = [thing for thing in foreground if thing.held and not _is_of(thing, known)]
+    reaching = [edge_blob for edge_blob in foreground if edge_blob.held and not _is_of(edge_blob, known)]
     labels = np.full((pixels.size[1], pixels.size[0]), -1)
     labels[pixels.xy[:, 1], pixels.xy[:, 0]] = assignment.labels
     detections: list[Detection | None] = []
@@ -133,13 +133,13 @@ def _measured(
         if blob is None or filled < SEEN or blob.at_edge:
             detections.append(None)
         elif (seams := seams_of(labels, body, blob)).any():
-            hand = any(touches(blob, thing) for thing in reaching)
+            hand = any(touches(blob, edge_blob) for edge_blob in reaching)
             detections.append(_parted(setup, frame, blob, assignment.centres[body], seams, hand))
         else:
             detections.append(setup.detector.detect_body(frame, blob, known, reaching))
     seen = tuple(detection for detection in detections if detection is not None)
     return FrameDetections(
-        frame.index, frame.t_s, seen, tuple(setup.detector.edge_object(thing) for thing in reaching)
+        frame.index, frame.t_s, seen, tuple(setup.detector.edge_object(edge_blob) for edge_blob in reaching)
     ), detections
 
 
