@@ -65,7 +65,7 @@ def through(effect: Effect, model: OdeModel, view: View | None) -> Effect:
     model
         Says what is observed.
     view
-        How that lies in the image; None for :meth:`View.assumed` of the motion itself, each time it is asked for.
+        How that lies in the image; None for :meth:`View.assumed` of the motion itself, each time it is requested.
     """
     if effect.image is None:
         return effect

@@ -10,7 +10,7 @@
     ├── FitError               a model that cannot be fitted to this trajectory at all
     ├── UnknownNameError       a name that no registered item has (also a KeyError)
     ├── PluginError            a plugin file, or a foreign package, that the registry refuses
-    └── OutputError            a result that cannot be written where it was asked for
+    └── OutputError            a result that cannot be written to the requested place
 
 A fit that ran and failed is not an exception: it is a ``FitResult`` with a status and the remedy.
 """
@@ -70,4 +70,4 @@ class PluginError(IrisError):
 
 
 class OutputError(IrisError):
-    """A result cannot be written where it was asked for."""
+    """A result cannot be written to the requested place."""

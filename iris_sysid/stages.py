@@ -32,7 +32,7 @@ def detect(
         stands still.
     by
         The detector, or its name: ``motion`` (what differs from the still background), ``disc`` (circular outlines),
-        ``appearance`` (what looks like the things that move), or ``FILE.py:NAME``.
+        ``appearance`` (what looks like the objects that move), or ``FILE.py:NAME``.
     options
         ``roi`` limits the image, ``colour`` the bodies; ``bodies`` is how many are meant, ``progress`` is called.
 

@@ -2,8 +2,8 @@
 
 The tracks are judged by evidence that needs no truth: the same colours throughout, a body and no shadow, no leaps, a
 steady size, nothing else that looks more like a body, and the body nowhere else in view. Where the evidence is bad,
-what moves in sampled frames is sorted by colour and size, followed by its looks, and judged likewise. The track says
-how far it can be trusted (``quality``).
+the objects that move in sampled frames are sorted by colour and size, followed by appearance, and judged likewise.
+``quality`` states how far the track can be trusted.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
         The clip.
     options
         ``bodies`` is the number to follow, ``roi`` limits the image, ``colour`` limits the bodies to one colour,
-        ``marks`` say where a body is in some frames, ``mask`` says which pixels are bodies, ``progress`` is called now
-        and then, ``explain`` with all that was tried.
+        ``marks`` say where a body is in some frames, ``mask`` says which pixels are bodies, ``progress`` is called
+        every ten frames, ``explain`` with every way that was tried.
 
     Returns
     -------

@@ -22,7 +22,7 @@ from trackers._linking.frame_to_frame import Tracklet, link
 from trackers._linking.select_bodies import with_fragments
 from trackers._linking.to_track import track_of
 
-FIRST_REACH, MIN_REACH = 0.25, 0.1  # of the image's diagonal: how far a body may go unforeseen
+FIRST_REACH, MIN_REACH = 0.25, 0.1  # of the image's diagonal: distance of a body from its prediction
 MIN_DETECTIONS = 3
 MIN_OVERLAP = 0.3  # of the shorter tracklet: two tracklets seen together as long are two bodies
 
@@ -36,7 +36,7 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
         The clip; its camera may move.
     options
         ``colour`` is the colour of the bodies, ``bodies`` the number to follow, ``roi`` limits the image,
-        ``progress`` is called now and then.
+        ``progress`` is called every ten frames.
 
     Returns
     -------
@@ -92,7 +92,7 @@ def _largest(tracklets: list[Tracklet], options: TrackOptions) -> list[Tracklet]
             chosen.append(tracklet)
     if len(chosen) < options.bodies:
         raise TrackingError(
-            f"{options.bodies} bodies of the colour {options.colour} were asked for, but {len(chosen)} can be seen at "
+            f"{options.bodies} bodies of the colour {options.colour} were requested, but {len(chosen)} can be seen at "
             "the same time; give the colour as it is in the image, e.g. '#c8e61e', or restrict the region with --roi"
         )
     return with_fragments(chosen, [tracklet for tracklet in tracklets if not any(tracklet is body for body in chosen)])

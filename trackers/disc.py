@@ -1,9 +1,9 @@
 """Discs: centre and apparent radius of balls and round plates, by a model fitted to the pixels round them.
 
 A first pass finds where bodies are: those that move before a still background, or, where these are few (a ball
-that falls away from the camera does not move sideways, it gets smaller), circles that follow each other. Several
-bodies of which one is missed, as where it rests so long that it became background, are tracked together.
-A few frames teach the shading, the shutter and the noise. The second pass fits every frame.
+that falls away from the camera does not move sideways, it gets smaller), circles that follow each other. Where this
+misses one of several bodies, e.g. one that rests until it becomes background, all of them are tracked together.
+Shading, shutter and noise are learned from a few frames. The second pass fits every frame.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from trackers._linking.to_track import error_model
 from trackers._multi_body.track_together import track_together
 from trackers._uncertainty.excess_scatter import with_scatter
 
-WELL_SEEN = 0.8  # of the frames: a body found in fewer frames is also searched by another method
+MIN_SEEN = 0.8  # of the frames: a body found in fewer frames is also searched by another method
 # by how much the autocorrelation of position errors at lag 1 is below that of the lobes, on synthetic clips: the fitted
 # shading and blur absorb it
 CORRELATION_ABSORBED = 0.25
@@ -64,7 +64,7 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
         The clip; its camera stands still.
     options
         ``bodies`` is the number to follow, ``roi`` limits the image, ``colour`` limits the bodies to
-        one colour, ``progress`` is called now and then.
+        one colour, ``progress`` is called every ten frames.
 
     Returns
     -------
@@ -132,7 +132,7 @@ def _linked(
         tracklets = link_bodies(all_detections, options.bodies, float(np.hypot(setup.view.width, setup.view.height)))
     except TrackingError as found:
         refusal = found
-    if options.bodies > 1 and options.colour is None and _least_seen(tracklets) < WELL_SEEN * len(all_detections):
+    if options.bodies > 1 and options.colour is None and _least_seen(tracklets) < MIN_SEEN * len(all_detections):
         with suppress(TrackingError):
             others, joint, _ = track_together(video, view_of(video, options), _first_half(options))
             if _least_seen(joint) > _least_seen(tracklets):
@@ -154,7 +154,7 @@ def _best_fitter(
     better path alone: a hand is large, no disc, and would take the longest.
     """
     all_detections, tracklets, refusal = followed
-    if options.bodies == 1 and _least_seen(tracklets) < WELL_SEEN * len(all_detections):
+    if options.bodies == 1 and _least_seen(tracklets) < MIN_SEEN * len(all_detections):
         expected_path = path_of_circles(video, setup.view)
         circling = None if expected_path is None else _fitter_for(setup, [expected_path])
         moving = [expected_path_of(tracklet, all_detections) for tracklet in tracklets]
@@ -260,7 +260,7 @@ def _row(fitted: SeenDisc) -> tuple[float, ...]:
 
 
 def _suits(video: FrameSource, options: TrackOptions, moving: bool) -> bool:
-    """Whether a body may only change its size, which a still background hardly shows."""
+    """Whether a body may only change its size, which the difference from a still background rarely shows."""
     return not moving or (options.bodies == 1 and bool(receding_disc(video.sample(SAMPLES), view_of(video, options))))
 
 

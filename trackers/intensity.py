@@ -2,8 +2,8 @@
 
 The region is found by its change: its pixels share one time series. Cameras code light with a curve, about the power
 1/2.2, so that light which decays as exp(-t/tau) decays in grey levels about as exp(-t/(2.2 tau)). The curve is undone
-in each pixel and colour channel before the mean is taken: by the file's tag, or as the user says. Where neither tells
-it, sRGB's curve is assumed with a wide uncertainty: grey levels would be wrong by more, with a smaller error.
+in each pixel and colour channel before the mean is taken: by the file's tag, or as the user says. Where neither is
+given, sRGB's curve is assumed with a wide uncertainty: grey levels would be wrong by more, with a smaller error.
 """
 
 from __future__ import annotations
@@ -42,9 +42,9 @@ from trackers._uncertainty.local_polynomial import excess_scatter, persistent, p
 SAMPLES = 40  # frames in which the region is sought
 MIN_FRAMES = 3
 MIN_EXPLAINED = 0.8  # of the changing pixels must follow the time series of the region
-SLOW = 45  # frames on either side: compression is late over so many, while the light fades smoothly
+SLOW = 45  # frames on either side over which the lag of compression lasts, while the light fades smoothly
 REPORT_EVERY = 10  # frames between two calls of the progress function
-WHITE = 0.98  # of the range: pixels from here on may be cut off
+WHITE = 0.98  # of the range: brighter pixels may be cut off
 TRANSFER, LAG, EXPOSURE = "transfer function", "compression lag", "exposure"
 
 
@@ -57,7 +57,7 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
         The clip; its camera and its light sources do not move.
     options
         ``bodies`` is the number of regions, ``roi`` limits the image, ``colour`` limits the regions to one colour,
-        ``transfer`` is the camera's curve, ``progress`` is called now and then.
+        ``transfer`` is the camera's curve, ``progress`` is called every ten frames.
 
     Returns
     -------
@@ -69,7 +69,7 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
         lag of compression, which is measured at key frames and taken out, and of a changed exposure. The
         position is the middle of the change, the same in all frames, and ``area_px`` the size of the region.
         ``origin["clipped"]`` is the share of the region that is cut off at white in some frame: pixels that are cut
-        off are used only when there are no others, and a frame that cuts them off is then a gap. ``quality`` has
+        off are used only when all are, and a frame that cuts them off is then a gap. ``quality`` has
         doubts where the curve is assumed, the region was cut off, or the exposure changed.
 
     Raises
@@ -168,7 +168,7 @@ def _too_few(count: int, requested: int) -> str:
             "nothing in the clip changes its brightness beyond the noise of the image; "
             "check --start and --stop, and --roi and --colour if given"
         )
-    return f"{requested} regions were asked for, but only {count} change(s) its brightness; ask for fewer bodies"
+    return f"{requested} regions were requested, but only {count} change(s) its brightness; request fewer bodies"
 
 
 def _track_of(body: str, series: _Series, number: int, lamp: Lamp, transfer: Transfer, options: TrackOptions) -> Track:
@@ -270,11 +270,11 @@ def _doubts(transfer: Transfer, cut: float, exposure: Exposure) -> tuple[Doubt, 
             )
         )
     if exposure.change in ("gain", "unclear"):
-        told = "divided out by the light of the still background" if exposure.change == "gain" else "not taken out"
+        done = "divided out by the light of the still background" if exposure.change == "gain" else "not taken out"
         doubts.append(
             Doubt(
                 "exposure",
-                f"the background's light changes by {exposure.size:.1%}, as when the exposure adapts: {told}",
+                f"the background's light changes by {exposure.size:.1%}, as when the exposure adapts: {done}",
                 "film with locked exposure",
             )
         )

@@ -1,9 +1,9 @@
 """Height of a liquid's surface in a vessel that drains or fills: the row between two appearances of the image.
 
-The region that the surface sweeps is found by its change over frames sampled from the clip. These tell what each part
-of it looks like above the surface and below it, marks and reflections included. In every frame, the surface is where
-the one appearance gives way to the other, to a fraction of a pixel, in strips side by side, through which a line
-is laid: the meniscus at the walls does not count, and a tilt does no harm.
+The region that the surface sweeps is found by its change over frames sampled from the clip. They show each part
+of it above the surface and below it, marks and reflections included. In every frame, the surface is where the one
+appearance gives way to the other, to a fraction of a pixel, in strips side by side. A line is fitted through the
+strips: the meniscus at the walls does not count, and the surface may be tilted.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
     video
         The clip; its camera and the vessel stand still, and the surface rises or falls.
     options
-        ``bodies`` must be 1, ``roi`` limits the image, ``progress`` is called now and then; a ``colour`` is refused.
+        ``bodies`` must be 1, ``roi`` limits the image, ``progress`` is called every ten frames; no ``colour`` is taken.
 
     Returns
     -------

@@ -26,7 +26,7 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
         The clip; its camera stands still.
     options
         ``bodies`` is the number to follow, ``roi`` limits the image, ``colour`` limits the bodies to
-        one colour, ``progress`` is called now and then.
+        one colour, ``progress`` is called every ten frames.
 
     Returns
     -------
@@ -36,7 +36,7 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
     Raises
     ------
     TrackingError
-        When nothing moves, when fewer bodies move than asked for, or when there are fewer than three frames.
+        When nothing moves, when fewer bodies move than requested, or when there are fewer than three frames.
     DataError, UnknownNameError
         When the options do not fit the clip, or name an unknown colour.
     """

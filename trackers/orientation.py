@@ -36,7 +36,7 @@ BLURS = (6.0, 3.0, 1.5, 0.7, 0.7)  # px, from rough to fine: how far off the ang
 MIN_TURN = 0.03  # rad: a smaller rotation cannot be distinguished from shaking
 EXPLAINED = 0.5  # of the changing pixels must turn with the body
 SHOWN = 0.4  # of the points of the body must show it in a frame
-LARGEST_ERROR = 0.1  # rad
+MAX_ERROR = 0.1  # rad
 REPORT_EVERY = 10  # frames between two calls of the progress function
 
 
@@ -49,7 +49,7 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
         The clip; its camera and the axis stand still, and the body turns by less than a quarter between two frames.
     options
         ``bodies`` must be 1, ``roi`` limits the image, ``colour`` makes colour count where bodies are searched,
-        ``progress`` is called now and then.
+        ``progress`` is called every ten frames.
 
     Returns
     -------
@@ -98,7 +98,7 @@ class _Clip:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _LearnedTemplate:
-    """The appearance of the body, and the angles (k,) rad of the sampled frames that taught it."""
+    """The appearance of the body, and the angles (k,) rad of the sampled frames from which it was learned."""
 
     pattern: Pattern
     angles: Array
@@ -152,7 +152,7 @@ def _finely(video: FrameSource, setup: DetectionSetup, pattern: Pattern, start: 
     frames = with_progress(video.frames(), part_of_progress(options.progress, 1, 2), len(start), every=REPORT_EVERY)
     for frame, angle in zip(frames, start, strict=True):
         fit = match_rotation(pattern, _blurred(luma_of(setup.view.search_image(frame)), BLURS[-1]), float(angle))
-        seen = fit.share > SHOWN and fit.sigma < LARGEST_ERROR
+        seen = fit.share > SHOWN and fit.sigma < MAX_ERROR
         rows.append((fit.angle, fit.sigma) if seen else (np.nan, np.nan))
     return np.array(rows)
 

@@ -1,8 +1,8 @@
-"""A patch followed by normalised cross-correlation: whatever is in the region given, as it looks in the first frame.
+"""A patch followed by normalised cross-correlation: the content of the given region in the first frame.
 
 The patch is found again where the correlation with it peaks, in the whole image at first and later near where it
 was. The peak is refined to a fraction of a pixel by maximising the enhanced correlation coefficient [1]_, which does
-not mind brightness and contrast. The patch is never updated, so that it cannot drift.
+not depend on brightness and contrast. The patch is never updated, so that it cannot drift.
 
 .. [1] G. D. Evangelidis and E. Z. Psarakis, Parametric image alignment using enhanced correlation coefficient
    maximization, IEEE Transactions on Pattern Analysis and Machine Intelligence 30 (2008) 1858-1865.
@@ -21,8 +21,8 @@ from trackers._detection.detect_frames import REPORT_EVERY
 from trackers._frames.arrays import Bytes, Image
 from trackers._frames.working_image import view_of
 
-SMALLEST_PATCH = 6  # px a side
-MIN_CORRELATION = 0.6  # below it something else is seen, or the patch is half hidden
+MIN_PATCH = 6  # px a side
+MIN_CORRELATION = 0.6  # below it the place shows another object, or the patch is half hidden
 MIN_CONTRAST = 2.0  # grey levels, standard deviation: less is noise
 REACH = 1.5  # of the patch's larger side: how far from where it is predicted it is sought
 MARGIN = 2  # px round the peak in which it is refined
@@ -97,7 +97,7 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
     video
         The clip; its camera may move.
     options
-        ``roi`` is the patch in the first frame, x, y, width, height in px; ``progress`` is called now and then.
+        ``roi`` is the patch in the first frame, x, y, width, height in px; ``progress`` is called every ten frames.
 
     Returns
     -------
@@ -107,7 +107,7 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
     Raises
     ------
     TrackingError
-        When no region is given, or nothing is to be seen in it.
+        When no region is given, or its content has no structure to match.
     DataError
         When the region does not lie in the image, is smaller than 6 px a side, or several bodies are requested.
     """
@@ -118,8 +118,8 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
         raise TrackingError(
             "this tracker follows a patch: give the region in which the body lies in the first frame, --roi x,y,w,h"
         )
-    if min(view.width, view.height) < SMALLEST_PATCH:
-        raise DataError(f"the patch is {view.width} x {view.height} px; it must be {SMALLEST_PATCH} px a side or more")
+    if min(view.width, view.height) < MIN_PATCH:
+        raise DataError(f"the patch is {view.width} x {view.height} px; it must be {MIN_PATCH} px a side or more")
     patch: Patch | None = None
     rows: list[tuple[float, ...]] = []
     times: list[tuple[int, float]] = []
@@ -131,7 +131,7 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
 
 
 def _patch(luma: Bytes) -> Patch:
-    """The patch in the first frame; TrackingError where there is nothing in it by which to know it again."""
+    """The patch in the first frame; TrackingError where it has too little structure to be found again."""
     image = luma.astype(np.float32)
     if float(image.std()) < MIN_CONTRAST:
         raise TrackingError("there is nothing in the region but one grey level; give a region in which the body lies")

@@ -28,7 +28,7 @@ from validation import pages
 
 WORLD = Path("..") / "shared" / "data" / "world"
 TABLE = "five-users"
-LONGEST_S = 180
+MAX_S = 180
 INCH = 0.0254
 
 
@@ -186,9 +186,9 @@ def play(step: Step) -> Said:
         for command in step.command.format(world=WORLD, out=folder).split(" then "):
             program = [sys.executable, "-c", "from iris_sysid.cli import main; main()", *shlex.split(command)]
             try:
-                done = subprocess.run(program, capture_output=True, text=True, check=False, timeout=LONGEST_S)
+                done = subprocess.run(program, capture_output=True, text=True, check=False, timeout=MAX_S)
             except subprocess.TimeoutExpired:
-                return Said(-1, f"no answer in {LONGEST_S} s", None)
+                return Said(-1, f"no answer in {MAX_S} s", None)
         text = done.stderr.strip().splitlines()[-1] if done.returncode else first_line(done)
         result = Path(folder) / "fit.json"
         document = json.loads(result.read_text("utf-8")) if result.is_file() else None

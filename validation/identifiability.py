@@ -21,7 +21,7 @@ from iris_sysid.synthetic.plan import plan_clip
 from iris_sysid.types import Trajectory
 from validation import pages
 
-LONGEST_S = 8.0
+MAX_DURATION_S = 8.0
 COUPLED = "coupled-pendulums"  # settings of the paper; the clips have impacts, which R shows
 
 
@@ -52,7 +52,7 @@ ROWS = (
 
 def trajectory_of(row: Row, seed: int = 0) -> Trajectory:
     """The observable from the let-go to the first event of the clip, or to its end for several bodies."""
-    plan = plan_clip(row.scene, setting=row.setting, seed=seed, duration_s=LONGEST_S)
+    plan = plan_clip(row.scene, setting=row.setting, seed=seed, duration_s=MAX_DURATION_S)
     table = plan.truth.table
     bodies = [part for _, part in table.groupby("body", sort=False)]
     t_s = bodies[0]["t_s"].to_numpy(copy=True)

@@ -27,7 +27,7 @@ Force = Callable[[float, float, float, float], float]  # (t since the start, pos
 Term = Callable[[float, float, float, float, float, Values], float]  # the same, then size and shape
 
 SMALL = 1e-3  # of the model's own force, or of the motion's spread: where the search of a size starts
-LARGEST = 0.5  # of them: an effect beyond is no small correction
+MAX_SHARE = 0.5  # of them: an effect beyond is no small correction
 IMITATED = 1e-3  # share of a change that is left by the refitted parameters, below which nothing can show it
 CLOSE, ACCEPTED = 0.02, 0.3  # relative errors of the trace: the search ends, and its best result may be used
 ROUNDS = 14  # of refits
@@ -374,7 +374,7 @@ def _whole_number(implant: Implant, base: Base, multiple: float) -> tuple[Change
 
 def _any_number(implant: Implant, base: Base, multiple: float) -> tuple[Changed, float]:
     """A size by steps upwards until the trace is large enough, then by a power law between the nearest two."""
-    size, most = implant.unit(base), LARGEST / SMALL * implant.unit(base)
+    size, most = implant.unit(base), MAX_SHARE / SMALL * implant.unit(base)
     tried: list[tuple[float, float, Changed]] = []  # size, multiple reached, clip
     while len(tried) < ROUNDS and size < most:
         changed = implant.add(base, size)
@@ -384,7 +384,7 @@ def _any_number(implant: Implant, base: Base, multiple: float) -> tuple[Changed,
         size = _next_size([each[:2] for each in tried], multiple)
     _, reached, changed = min(tried, key=lambda each: abs(each[1] / multiple - 1))
     if abs(reached / multiple - 1) > ACCEPTED:
-        raise NotShownError(f"no size below {LARGEST:g} of the model's force or motion leaves {multiple:g} times")
+        raise NotShownError(f"no size below {MAX_SHARE:g} of the model's force or motion leaves {multiple:g} times")
     return changed, reached
 
 

@@ -37,7 +37,7 @@ FOCAL_PER_WIDTH = 0.75  # a phone's main camera
 CLOCK = Fraction(1, 90_000)  # s, of which the times in the file are multiples
 LOST_AT = 0.4  # share of the clip
 WAVES = 4  # half cosines of a camera's wander in the clip
-ENOUGH = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-12)
+CRITERIA = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-12)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -84,7 +84,7 @@ def lens_source(distortion: float, width: int, height: int) -> Array:
     columns, rows = np.meshgrid(np.arange(width, dtype=float), np.arange(height, dtype=float))
     pixels = np.stack([columns, rows], axis=-1).reshape(-1, 1, 2)
     matrix, lens = camera_matrix(width, height), np.array([distortion, 0.0, 0.0, 0.0])
-    source = cv2.undistortPoints(pixels, matrix, lens, P=matrix, criteria=ENOUGH)
+    source = cv2.undistortPoints(pixels, matrix, lens, P=matrix, criteria=CRITERIA)
     return np.asarray(source.reshape(height, width, 2))
 
 

@@ -23,7 +23,8 @@ ROOT = Path(__file__).parent.parent
 MARKS = ROOT / "tests" / "real_marks"
 DATA = ROOT.parent / "shared" / "data"
 MIN_PX, OF_WIDTH = 6.0, 640.0  # a body smaller than this in an image so wide is met within this, px
-ENOUGH, TOLERATED = 0.95, 0.05  # share on the body of a clip that is followed; share elsewhere of one that is not wrong
+MIN_ON_BODY = 0.95  # share of the marks that lie on the body, for a clip to count as followed
+MAX_ELSEWHERE = 0.05  # share of the marks that lie elsewhere, for a clip not to count as wrong
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,14 +77,14 @@ class Score:
     @property
     def followed(self) -> bool:
         """Whether at least 95 % of the marks are met."""
-        return self.free > 0 and self.on_body >= ENOUGH * self.free
+        return self.free > 0 and self.on_body >= MIN_ON_BODY * self.free
 
     @property
     def wrong(self) -> bool:
         """Whether more than 5 % of the positions are not the body's; one that is never free must be said to be held."""
         if not self.free:
             return 2 * self.said_held < self.held
-        return self.elsewhere + self.tracked_absent > TOLERATED * (self.free + self.absent)
+        return self.elsewhere + self.tracked_absent > MAX_ELSEWHERE * (self.free + self.absent)
 
 
 def score(tracks: Sequence[Track], marks: pd.DataFrame, width: int) -> Score:

@@ -29,7 +29,7 @@ from validation.reference_motions import MOTIONS, Clip, Motion
 from validation.reference_terms import TERMS, Array, Term, physical, waves
 from validation.world_recordings import Recording, chosen, sealed
 
-BLOCKS, FEW_BLOCKS = 8, 4  # blocks of a clip held out in turn, and the same where there are several clips
+BLOCKS, BLOCKS_OF_SEVERAL = 8, 4  # blocks of a clip held out in turn, and the same where there are several clips
 PROMISING, LEADING = 24, 3  # pairs that are fitted: the best to first order, and those with one of the best terms
 PAIRS, TRIPLES, GROWN = 12, 6, 2  # sets that are held out, and pairs from which triples are made
 FULL_ROUNDS, BLOCK_ROUNDS = 15, 5
@@ -285,9 +285,9 @@ def predicted_blocks(experiment: Experiment, problems: Sequence[Problem]) -> lis
 
 def predicted_drops(experiment: Experiment, problems: Sequence[Problem]) -> list[Squares]:
     """The same for several clips: what they share comes from the others, and only the start from the one held out."""
-    blocks = [blocks_of(clip, FEW_BLOCKS) for clip in experiment.clips]
+    blocks = [blocks_of(clip, BLOCKS_OF_SEVERAL) for clip in experiment.clips]
     errors = []
-    for number in range(FEW_BLOCKS):
+    for number in range(BLOCKS_OF_SEVERAL):
         left_out = np.concatenate([each[number] for each in blocks])
         for k, mine in enumerate(owners(experiment)):
             errors.append(by_others(experiment, problems, k, (~mine & ~left_out, mine & ~left_out, mine & left_out)))

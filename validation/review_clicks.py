@@ -26,7 +26,7 @@ from iris_sysid.review.request import ReviewRequest
 from iris_sysid.review.session import followed, marked_all
 from iris_sysid.types import Track, TrackMark, TrackOptions
 from iris_sysid.video.reader import open_video
-from validation.real_marks import ENOUGH, MIN_PX, OF_WIDTH, MarkedClip, at_frames, marked_clips
+from validation.real_marks import MIN_ON_BODY, MIN_PX, OF_WIDTH, MarkedClip, at_frames, marked_clips
 
 CLICKS = 5
 
@@ -213,8 +213,8 @@ def lines(split: str, only: str) -> Iterator[str]:
         one = reviewed(clip)
         rows.append(one)
         yield f"{clip.name:<24} {one.usable:>3} usable {one.before:>6.0%} {one.after:>6.0%} {one.clicks} clicks"
-    before, after = (sum(getattr(row, when) >= ENOUGH for row in rows) for when in ("before", "after"))
-    yield f"of {len(rows)} clips {before} met {ENOUGH:.0%} of the usable marks without a click, {after} with"
+    before, after = (sum(getattr(row, when) >= MIN_ON_BODY for row in rows) for when in ("before", "after"))
+    yield f"of {len(rows)} clips {before} met {MIN_ON_BODY:.0%} of the usable marks without a click, {after} with"
 
 
 if __name__ == "__main__":

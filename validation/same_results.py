@@ -105,7 +105,7 @@ FORMER = {"audit": ("validation/audit/__main__.py", "benchmark --audit {data}/ir
 RENAMED: dict[str, str] = {"one-static-pendulum": "two-moving-pendulum-one-static"}
 
 LEFT_OUT = re.compile(r"origin|versions?|\$?schema|.*sha256|hash|date|created|python|source")  # keys and columns
-LONGEST_LIST = 20  # numbers or kinds of text given one by one; of more only the summary
+MAX_LIST = 20  # numbers or kinds of text given one by one; of more only the summary
 Value = float | str
 
 
@@ -244,7 +244,7 @@ def flat(node: Any, path: str) -> Iterator[tuple[str, Value]]:
 
 def numeric(node: Any) -> np.ndarray | None:
     """Return a long list of numbers as a flat array, null as NaN; None for anything else."""
-    if not isinstance(node, list) or len(node) <= LONGEST_LIST:
+    if not isinstance(node, list) or len(node) <= MAX_LIST:
         return None
     try:
         return np.array(node, dtype=float).ravel()
@@ -277,7 +277,7 @@ def kinds(texts: list[str]) -> Iterator[tuple[str, Value]]:
     """Yield how many texts there are, and how often each short one occurs, where there are few kinds."""
     if texts:
         yield "texts", len(texts)
-    if len(set(texts)) <= LONGEST_LIST:
+    if len(set(texts)) <= MAX_LIST:
         yield from ((f"texts.{text}", texts.count(text)) for text in sorted(set(texts)) if is_short(text))
 
 

@@ -39,7 +39,7 @@ from validation.audit.printed import values_at
 
 NOISE_PX = 0.05  # of a tracked centre and radius: what the trackers reach on synthetic clips
 SIZE = (1920, 1080)
-LONGEST_S = 30.0
+MAX_DURATION_S = 30.0
 ACCEPTED = {
     "dropping-ball": ("free-fall", "bouncing-ball"),
     "falling-ball": ("apparent-radius",),
@@ -80,7 +80,7 @@ def trial(name: str, setting: str, number: int) -> ClipPlan:
         for parameter in scene.parameters
         if parameter.name in scene.scatter
     }
-    duration_s = min(scene.duration_s, LONGEST_S)
+    duration_s = min(scene.duration_s, MAX_DURATION_S)
     return plan_clip(name, setting=setting, size=SIZE, duration_s=duration_s, seed=number, overrides=scattered)
 
 

@@ -46,7 +46,7 @@ BODIES = {  # of each class: phenomena with several bodies
 }
 REPEATED = 3  # times, to tell the rate after the start
 
-FEW = {"mog2": 10, "trackpy": 1}  # frames for the slow rows
+SLOW_FRAMES = {"mog2": 10, "trackpy": 1}  # frames for the slow rows
 
 
 @dataclass(frozen=True)
@@ -74,9 +74,9 @@ def mog2_at_full_size(clip: str) -> int:
     import cv2
 
     capture, subtractor = cv2.VideoCapture(clip), cv2.createBackgroundSubtractorMOG2(detectShadows=False)
-    for _ in range(FEW["mog2"]):
+    for _ in range(SLOW_FRAMES["mog2"]):
         subtractor.apply(capture.read()[1])
-    return FEW["mog2"]
+    return SLOW_FRAMES["mog2"]
 
 
 def locate_with_trackpy(clip: str) -> int:
@@ -85,9 +85,9 @@ def locate_with_trackpy(clip: str) -> int:
 
     from iris_sysid.video.reader import open_video
 
-    for frame in islice(open_video(clip).frames(), FEW["trackpy"]):
+    for frame in islice(open_video(clip).frames(), SLOW_FRAMES["trackpy"]):
         trackpy.locate(frame.luma, 2 * (frame.luma.shape[0] // 20) + 1)
-    return FEW["trackpy"]
+    return SLOW_FRAMES["trackpy"]
 
 
 ROWS: dict[str, Callable[[str], int]] = {
@@ -98,8 +98,8 @@ ROWS: dict[str, Callable[[str], int]] = {
 TITLES = {
     "opencv": "`cv2.VideoCapture.read()` alone",
     "track": "`iris-sysid track`, the whole command",
-    "mog2": f"MOG2 at full size ({FEW['mog2']} frames)",
-    "trackpy": f"`trackpy.locate` ({FEW['trackpy']} frames)",
+    "mog2": f"MOG2 at full size ({SLOW_FRAMES['mog2']} frames)",
+    "trackpy": f"`trackpy.locate` ({SLOW_FRAMES['trackpy']} frames)",
 }
 
 

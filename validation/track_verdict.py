@@ -31,7 +31,7 @@ from iris_sysid.video.reader import open_video
 from tests._phone_clips import CLIPS
 from trackers._auto.verdict import OFF, WORDS
 from validation import pages, receding
-from validation.real_marks import ENOUGH, TOLERATED, compared, marked_clips
+from validation.real_marks import MAX_ELSEWHERE, MIN_ON_BODY, compared, marked_clips
 
 TABLE = Path(__file__).with_suffix(".csv")
 WEIGHTS = pages.ROOT / "trackers" / "_auto" / "verdict_weights.py"
@@ -193,8 +193,8 @@ def real(rows: pd.DataFrame) -> pd.DataFrame:
 def report(rows: pd.DataFrame) -> Iterator[str]:
     """Tables of the weights that are fitted, and of recordings that were left out of the fit."""
     best = chosen(real(rows))
-    followed, doubted = best["share"] >= ENOUGH, best["said"] < DOUBTFUL
-    wrong = (best["elsewhere"] > TOLERATED) | (best["share"] == 0)
+    followed, doubted = best["share"] >= MIN_ON_BODY, best["said"] < DOUBTFUL
+    wrong = (best["elsewhere"] > MAX_ELSEWHERE) | (best["share"] == 0)
     yield f"Real recordings, each left out of the fit: {len(best)}; followed {followed.sum()}; "
     yield f"wrong and called good {(wrong & ~doubted).sum()} ({', '.join(best.loc[wrong & ~doubted, 'recording'])}); "
     yield f"followed and doubted {(followed & doubted).sum()} ({', '.join(best.loc[followed & doubted, 'recording'])})."

@@ -17,7 +17,7 @@ from scipy.optimize import minimize
 
 from iris_sysid.types import Array
 
-SMALLEST, LARGEST = -9.0, 9.0  # natural logarithm of a component's variance over the one that explains all
+MIN_LOG, MAX_LOG = -9.0, 9.0  # natural logarithm of a component's variance over the one that explains all
 Columns = NDArray[np.intp]
 
 
@@ -118,7 +118,7 @@ def likeliest(products: Products, groups: Sequence[Columns]) -> Variances:
         grown = np.add.reduceat(scaled**2, starts)
         return volume + products.cost(squares), 0.5 * rest - 0.5 * grown / products.noise(squares)
 
-    limits = [(SMALLEST, LARGEST)] * len(groups)
+    limits = [(MIN_LOG, MAX_LOG)] * len(groups)
     found = minimize(cost, np.full(len(groups), -1.0), jac=True, method="L-BFGS-B", bounds=limits)
     variances = unit * np.exp(found.x)
     root = np.sqrt(np.repeat(variances, sizes))

@@ -1,8 +1,8 @@
 """Split the residual of a fit into additive components, before any effect is named.
 
-The components are compared as sets: by their restricted likelihood, each weighed by the odds before the data that a
-component is there. Sets that explain the data about equally well are kept, so that what the data cannot tell apart is
-said and not guessed.
+The components are compared as sets: by their restricted likelihood, each weighed by the prior odds of its components.
+Sets that explain the data about equally well are kept: components that the data cannot distinguish are reported as
+such, not guessed.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ MIN_SAMPLES = 8  # beyond the fitted values
 MAX_COMPONENTS = 4
 CORRELATIONS = (0.0, 0.3, 0.6, 0.85)  # of the noise from sample to sample: longer memories are a component
 LOG_ODDS = -float(np.log(50.0))  # of a component before the data; ten of them give a false one in 2 % of cases
-OFTEN, SELDOM = 3.0, 0.01  # plausibility of a component before the data: judgement, no measurement
+PRIOR_COMMON, PRIOR_RARE = 3.0, 0.01  # plausibility of a component before the data: judgement, no measurement
 LINEAR = (0.03, 3.0, 0.3)  # of the residual to which they hold: at least, times residual over motion, at most
 FAR = 0.05  # residual over motion from which the fitted motion is not the one whose velocity counts
 NEGLIGIBLE = 1e-3  # relative strength of a direction of a curve that the fitted values imitate
@@ -90,12 +90,12 @@ def _plausibility(kind: str, scale: Scale) -> float:
     has no other force.
     """
     if kind == "force-of-position" and not scale.has_speed:
-        return OFTEN
+        return PRIOR_COMMON
     if kind == "clock" and not scale.repeats:  # only what repeats shows whether it comes late
-        return SELDOM**2
+        return PRIOR_RARE**2
     if kind in ("force-of-position", "reading-of-position", "reading-of-velocity") and not scale.repeats:
-        return SELDOM
-    return OFTEN if kind == "force-of-velocity" else 1.0
+        return PRIOR_RARE
+    return PRIOR_COMMON if kind == "force-of-velocity" else 1.0
 
 
 def _along(clip: ClipResidual, course: Array) -> ClipResidual:

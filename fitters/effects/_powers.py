@@ -6,12 +6,12 @@ import numpy as np
 
 from iris_sysid.types import Array, Parameter
 
-SMALLEST = 1e-300  # added to a speed or a depth whose power is taken
+MIN_BASE = 1e-300  # added to a speed or a depth whose power is taken
 SCALE = Parameter(
     "speed",
     "{x}/s",
     "v_1",
-    lower=SMALLEST,
+    lower=MIN_BASE,
     default=1.0,
     constant=True,
     source="the usual speed; another power gives the same force there",

@@ -6,7 +6,7 @@ from dataclasses import replace
 from functools import partial
 
 from fitters.effects._domain import moves
-from fitters.effects._powers import SCALE, SMALLEST, at_usual_speed, power
+from fitters.effects._powers import MIN_BASE, SCALE, at_usual_speed, power
 from iris_sysid.types import Effect, EffectExample, OdeModel, Parameter
 
 
@@ -20,7 +20,7 @@ def acceleration(
 ) -> float:
     """-b v (|v| / v_1)^(p - 1)."""
     drag, exponent, usual = params
-    return -drag * velocity * ((speed + SMALLEST) / usual) ** (exponent - 1.0)
+    return -drag * velocity * ((speed + MIN_BASE) / usual) ** (exponent - 1.0)
 
 
 EFFECT = Effect(

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from fitters.effects._domain import drains
-from fitters.effects._powers import SCALE, SMALLEST, power
+from fitters.effects._powers import MIN_BASE, SCALE, power
 from iris_sysid.types import Array, Effect, EffectExample, Parameter
 
 QUANTILES = (0.95, 0.9, 0.8, 0.7, 0.6, 0.5)  # of what was seen, tried as the level of the rim
@@ -19,7 +19,7 @@ def acceleration(
     """-w (h - h_r) ((h - h_r) / h_1)^(p - 1) above the rim."""
     overflow, rim, exponent, depth = params
     above = 0.5 * (position - rim + abs(position - rim))
-    return -overflow * above * ((above + SMALLEST) / depth) ** (exponent - 1.0)
+    return -overflow * above * ((above + MIN_BASE) / depth) ** (exponent - 1.0)
 
 
 def trials(t_s: Array, observed: Array) -> list[tuple[float, ...]]:

@@ -6,7 +6,7 @@ from dataclasses import replace
 from functools import partial
 
 from fitters.effects._domain import moves
-from fitters.effects._powers import SCALE, SMALLEST, at_usual_speed, power
+from fitters.effects._powers import MIN_BASE, SCALE, at_usual_speed, power
 from iris_sysid.types import Effect, EffectExample, Parameter
 
 
@@ -15,7 +15,7 @@ def acceleration(
 ) -> float:
     """-c |v| v (|v| / v_1)^(p - 2)."""
     drag, exponent, usual = params
-    return -drag * speed * velocity * ((speed + SMALLEST) / usual) ** (exponent - 2.0)
+    return -drag * speed * velocity * ((speed + MIN_BASE) / usual) ** (exponent - 2.0)
 
 
 EFFECT = Effect(

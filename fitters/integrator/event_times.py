@@ -14,7 +14,7 @@ from iris_sysid.errors import FitError
 from iris_sysid.types import OdeModel, increasing_times
 
 MAX_LISTED = 10_000  # events listed
-ENOUGH = 1e-9  # relative error of the states from the finite time step
+TOLERANCE = 1e-9  # relative error of the states from the finite time step
 
 
 class Happened(NamedTuple):
@@ -48,7 +48,7 @@ def event_times(model: OdeModel, t_s: ArrayLike, values: Mapping[str, float]) ->
     if missing:
         raise FitError(f"model {model.name!r} needs a value for {', '.join(missing)}")
     vector = np.array([float(given[name]) for name in value_names(model)])
-    problem = initial_value_problem(model, increasing_times(t_s), None, "linear").planned(vector, ENOUGH)
+    problem = initial_value_problem(model, increasing_times(t_s), None, "linear").planned(vector, TOLERANCE)
     columns, count = vector[:, None], len(model.parameters)
     out, happened = np.empty((problem.t_s.size, len(model.states), 1)), np.empty((MAX_LISTED, 2, 1))
     integrate_through_events(

@@ -12,7 +12,7 @@ from fitters.starting_values import solved, start_of, weak_system
 from iris_sysid.types import Array
 
 NEAR = 0.3  # share of the range of the distance above its smallest value that still counts as near
-SHORTEST = 4  # samples of a piece
+MIN_SAMPLES = 4  # samples of a piece
 
 Piece = tuple[Array, Array, Array]  # times (n,) s, values (n,), terms (n, k)
 
@@ -28,7 +28,7 @@ def between_contacts(apart: Array) -> tuple[float, list[slice]]:
     near = nearest + NEAR * float(np.ptp(apart))
     contacts = [int(k) for k in argrelmin(apart, order=1, mode="wrap")[0] if apart[k] < near]
     edges = [-1, *contacts, apart.size]
-    stretches = [slice(a + 1, b) for a, b in pairwise(edges) if b - a - 1 >= SHORTEST]
+    stretches = [slice(a + 1, b) for a, b in pairwise(edges) if b - a - 1 >= MIN_SAMPLES]
     return nearest, stretches or [slice(0, apart.size)]
 
 

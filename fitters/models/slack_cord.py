@@ -11,7 +11,7 @@ from fitters.starting_values import samples, start_of
 from iris_sysid.types import Event, ModelExample, OdeModel, Parameter, Quantity, Trajectory
 
 TAUT = 1.0  # mode; 0 is slack
-ALMOST = 0.97  # of the length from the pivot: nearer, the cord is surely slack
+SLACK_BELOW = 0.97  # of the length from the pivot: nearer, the cord is surely slack
 SETTLING_S = 1e-4  # of fall make a rebound along the cord so slow that it stays taut
 
 Four = tuple[float, float, float, float]
@@ -67,7 +67,7 @@ def guess(trajectory: Trajectory) -> Mapping[str, float]:
     design = np.column_stack([x[low], z[low], np.ones(int(low.sum()))])
     (a, b, c), *_ = np.linalg.lstsq(design, -(x[low] ** 2 + z[low] ** 2), rcond=None)  # x^2 + z^2 + a x + b z + c = 0
     length = float(np.sqrt(max(a * a / 4 + b * b / 4 - c, 1e-6)))
-    slack = np.hypot(x + a / 2, z + b / 2) < ALMOST * length
+    slack = np.hypot(x + a / 2, z + b / 2) < SLACK_BELOW * length
     flight = slice(0, max(int(np.argmin(slack)) if not slack.all() else t_s.size, 6))
     across, along = (start_of(t_s[flight], column[flight], np.inf, degree=2) for column in (x, z))
     return {

@@ -20,7 +20,7 @@ from iris_sysid.types import Array
 Vector: TypeAlias = np.ndarray[tuple[int], np.dtype[np.float64]]
 
 MAX_ORDER = 8
-LONGEST_GAP = 5000  # samples; noise is not correlated over more
+MAX_GAP = 5000  # samples; noise is not correlated over more
 RESTRICTED_UP_TO = 5000  # samples; beyond, the share that the fit absorbs is negligible
 EDGE = 0.999  # largest partial autocorrelation; 1 is the unit circle
 TOLERANCE = 1e-10  # relative, of the likelihood
@@ -82,7 +82,7 @@ def grid_positions(t_s: Array) -> NDArray[np.int64]:
     step = np.diff(t_s)
     if step.size == 0:
         return np.zeros(t_s.size, dtype=np.int64)
-    jumps = np.clip(np.rint(step / np.median(step)), 1, LONGEST_GAP).astype(np.int64)
+    jumps = np.clip(np.rint(step / np.median(step)), 1, MAX_GAP).astype(np.int64)
     return np.concatenate([[0], np.cumsum(jumps)])
 
 

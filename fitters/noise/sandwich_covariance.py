@@ -16,7 +16,7 @@ from fitters.noise.known_correlation import with_measured_correlation, with_stat
 from iris_sysid.io.kernels import kernel
 from iris_sysid.types import Array, ErrorAutocorrelation, student_ppf
 
-LONGEST_CORRELATION = 20_000  # samples before the first one that its noise may be correlated with
+MAX_LAG = 20_000  # samples before the first one that its noise may be correlated with
 MAX_DEGREES = 1e6
 
 
@@ -145,8 +145,8 @@ def _memory(coefficients: Array) -> int:
     """Samples until the impulse response has fallen to 1e-6."""
     slowest = float(np.max(np.abs(np.roots(np.concatenate([[1.0], -coefficients])))))
     if not 0 < slowest < 1:
-        return LONGEST_CORRELATION
-    return int(np.clip(np.ceil(np.log(1e-6) / np.log(slowest)), coefficients.size, LONGEST_CORRELATION))
+        return MAX_LAG
+    return int(np.clip(np.ceil(np.log(1e-6) / np.log(slowest)), coefficients.size, MAX_LAG))
 
 
 def _variance_of_variance(columns: Array, bread: Array, process: Autoregression, variance: Array) -> Array:

@@ -13,14 +13,14 @@ import numpy as np
 
 from fitters.integrator.initial_value_problem import InitialValueProblem
 from fitters.noise.measurement_noise import robust_sd
-from fitters.ode.least_squares import FINE, LARGEST, ROUGH, Accuracy, Solution, Target, Unknowns, minimise
+from fitters.ode.least_squares import FINE, MAX_RESIDUAL, ROUGH, Accuracy, Solution, Target, Unknowns, minimise
 from fitters.ode.status import determination
 from iris_sysid.types import Array
 
 FOLLOWS = 0.3  # a solution follows the data while its error is below this fraction of the motion's size
 GROWTH = (1.3, 8.0)  # least and largest growth of the horizon
 EXPLAINED_NOISE, EXPLAINED_MOTION = 3.0, 0.1  # residual below 3 times the noise, or 10 % of the motion
-ENOUGH, THINNEST = 500, 8  # samples for a rough fit; at 60 Hz, 8 frames are still one step of the integrator
+MIN_SAMPLES, MAX_STRIDE = 500, 8  # samples for a rough fit; at 60 Hz, 8 frames are still one step of the integrator
 SAME = 1e-3  # relative difference of the rms of one and the same minimum
 DRAWS, DECADES, SCREENED = 256, 3.0, 4  # random values tried without a fit, their range about a start, and those fitted
 
@@ -56,9 +56,9 @@ def grow(
 
 
 def thinned(problem: InitialValueProblem, target: Target) -> tuple[InitialValueProblem, Target]:
-    """Every k-th sample, k at most THINNEST, so that ENOUGH remain; all samples where the model has inputs."""
-    k = min(THINNEST, problem.t_s.size // ENOUGH)
-    if k < 2 or problem.model.inputs or target.every(k).used.sum() < ENOUGH // 2:
+    """Every k-th sample, k at most MAX_STRIDE, so that MIN_SAMPLES remain; all samples where the model has inputs."""
+    k = min(MAX_STRIDE, problem.t_s.size // MIN_SAMPLES)
+    if k < 2 or problem.model.inputs or target.every(k).used.sum() < MIN_SAMPLES // 2:
         return problem, target
     return problem.every(k), target.every(k)
 
@@ -171,7 +171,7 @@ def is_lost(solution: Solution, target: Target, unknowns: Unknowns) -> bool:
         return False
     slopes = np.nan_to_num(solution.problem.sensitivity(solution.values, unknowns.which, solution.steps))
     flat = np.concatenate([target.weighted(slopes), unknowns.prior_rows])
-    return bool(determination(np.clip(flat, -LARGEST, LARGEST)).undetermined.any())
+    return bool(determination(np.clip(flat, -MAX_RESIDUAL, MAX_RESIDUAL)).undetermined.any())
 
 
 def scattered_starts(unknowns: Unknowns, values: Array, target: Target, count: int, seed: int = 0) -> Iterator[Array]:

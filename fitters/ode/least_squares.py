@@ -19,7 +19,7 @@ NEGLIGIBLE = (
     1e-2,
     1e-4,
 )  # error from the time step at a kink, as fractions of the noise and of the motion
-LARGEST = 1e100  # in units of sigma: squares and their sums stay finite
+MAX_RESIDUAL = 1e100  # in units of sigma: squares and their sums stay finite
 SOFT_AT = 2.0  # standard deviations above which soft_l1 grows linearly
 
 
@@ -181,14 +181,14 @@ class _Objective:
         values = self.values_of(free)
         residual = -self.target.weighted(self.target.observed - self.predicted(values))
         both = np.concatenate([residual, -self.unknowns.prior_residual(values)])
-        return np.clip(both, -LARGEST, LARGEST)
+        return np.clip(both, -MAX_RESIDUAL, MAX_RESIDUAL)
 
     def jacobian(self, free: Array) -> Array:
         values = self.values_of(free)
         slopes = self.problem.rough_sensitivity(values, self.unknowns.which, self.steps, self.predicted(values))
         self.steps = adapted_steps(self.steps, slopes, self.target.size)
         rows = np.concatenate([np.nan_to_num(self.target.weighted(slopes)), self.unknowns.prior_rows])
-        jacobian = np.clip(rows, -LARGEST, LARGEST)
+        jacobian = np.clip(rows, -MAX_RESIDUAL, MAX_RESIDUAL)
         self.gradients.append(self._gradient(jacobian, self.residual(free), values))
         return jacobian
 
@@ -243,7 +243,7 @@ def minimise(
     seen = np.asarray(result.fun)[: int(target.used.sum()) * target.observed.shape[1]]
     with np.errstate(all="ignore"):
         rms = float(np.sqrt(np.mean(seen**2)))
-    finite = bool(np.isfinite(rms)) and bool(np.max(np.abs(seen), initial=0.0) < LARGEST)
+    finite = bool(np.isfinite(rms)) and bool(np.max(np.abs(seen), initial=0.0) < MAX_RESIDUAL)
     return Solution(
         problem=problem,
         values=best,

@@ -14,7 +14,7 @@ from iris_sysid.types import Array, FitResult, Trajectory, correlation_matrix
 if TYPE_CHECKING:
     import lmfit
 
-LARGEST = 1e50  # in units of the noise: a diverging solution stays comparable, and its square finite
+MAX_RESIDUAL = 1e50  # in units of the noise: a diverging solution stays comparable, and its square finite
 
 
 def lmfit_minimizer(fitted: FitResult, trajectory: Trajectory) -> lmfit.Minimizer:
@@ -96,7 +96,9 @@ def _residual_of(fitted: FitResult, trajectory: Trajectory) -> Callable[[dict[st
 
     def residual(values: dict[str, float]) -> Array:
         predicted = predicted_by(fitted, trajectory, values, stop)[fitted.used[:stop]]
-        distance = np.nan_to_num((predicted - observed) / noise, nan=LARGEST, posinf=LARGEST, neginf=-LARGEST)
-        return np.clip(distance, -LARGEST, LARGEST).ravel()
+        distance = np.nan_to_num(
+            (predicted - observed) / noise, nan=MAX_RESIDUAL, posinf=MAX_RESIDUAL, neginf=-MAX_RESIDUAL
+        )
+        return np.clip(distance, -MAX_RESIDUAL, MAX_RESIDUAL).ravel()
 
     return residual

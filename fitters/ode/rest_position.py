@@ -16,7 +16,7 @@ from iris_sysid.trajectory.consistency.path_shape import reversals
 from iris_sysid.types import Array, FitResult, OdeModel, Trajectory
 
 SWINGS = 2  # reversals of an oscillation that must pass its rest position between them
-CLEARLY = 3.0  # standard errors by which a rest position differs from zero
+MIN_SIGMAS = 3.0  # standard errors by which a rest position differs from zero
 SUSPECTED = 2.0  # standard errors of the residual's mean, as of white noise, beyond which the fit with it is tried
 
 
@@ -77,5 +77,5 @@ def is_better(fitted: FitResult, held: FitResult, names: Sequence[str]) -> bool:
         Of the rest positions.
     """
     rests = [fitted.estimates[name] for name in names]
-    clear = any(abs(rest.value) > CLEARLY * rest.stderr for rest in rests)
+    clear = any(abs(rest.value) > MIN_SIGMAS * rest.stderr for rest in rests)
     return fitted.usable and clear and (not held.usable or fitted.bic < held.bic)

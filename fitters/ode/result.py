@@ -11,7 +11,7 @@ from fitters.integrator.initial_value_problem import difference_steps, value_nam
 from fitters.noise.sandwich_covariance import Uncertainty, inverse_normal, random_uncertainty
 from fitters.ode.error_budget import RANDOM, Budget, Errors, estimate_all
 from fitters.ode.fit_problem import PreparedFit, with_priors
-from fitters.ode.least_squares import LARGEST, Solution, Target
+from fitters.ode.least_squares import MAX_RESIDUAL, Solution, Target
 from fitters.ode.model_discrepancy import SOURCE, Discrepancy, discrepancy_of
 from fitters.ode.status import (
     SINGULAR,
@@ -99,7 +99,7 @@ def linearise(task: PreparedFit, target: Target, solution: Solution) -> Linearis
     steps = np.concatenate([solution.steps, difference_steps(problem, values, others)])
     slopes = np.nan_to_num(problem.sensitivity(values, which, steps))
     sigma = target.sigma[target.used]
-    scaled = np.clip(slopes[target.used] / sigma[:, :, None], -LARGEST, LARGEST)
+    scaled = np.clip(slopes[target.used] / sigma[:, :, None], -MAX_RESIDUAL, MAX_RESIDUAL)
     k = task.unknowns.which.size
     known = {name: scaled[None, :, :, k + i] * task.known[name].stderr for i, name in enumerate(uncertain)}
     known |= {source: -patterns[:, target.used] / sigma for source, patterns in task.systematic.items()}

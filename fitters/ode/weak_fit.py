@@ -23,12 +23,13 @@ from fitters.ode.single_clip import NoMinimumError, task_of
 from fitters.starting_values import bump
 from iris_sysid.types import Array, OdeModel, Smoothed
 
-SHORTEST, LONGEST = 6.0, 0.05  # half a window: least number of samples in it, and largest share of the record
+MIN_HALF_WINDOW = 6.0  # samples in half a window
+MAX_HALF_WINDOW = 0.05  # of the record
 GROWTH = 1.5  # of half a window, until the noise is negligible in it
 NOISE_SHARE = 0.1  # of the left side's size, up to which noise is negligible: a hundredth of its variance
 EVALUATIONS = 50
 BLOCKS = 20  # of windows, by which errors are judged
-LARGEST = 1e6  # of a residual, in standard deviations of the left side
+MAX_RESIDUAL = 1e6  # of a residual, in standard deviations of the left side
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -127,7 +128,7 @@ class _WeakForm:
         values = np.where(task.target.used[:, None], task.target.observed[:, which], position)
         states = np.hstack([position, velocity]) if model.second_order else position
         t_s, order = task.problem.t_s, 2 if model.second_order else 1
-        half_s, longest_s = SHORTEST * float(np.median(np.diff(t_s))), LONGEST * float(t_s[-1] - t_s[0])
+        half_s, longest_s = MIN_HALF_WINDOW * float(np.median(np.diff(t_s))), MAX_HALF_WINDOW * float(t_s[-1] - t_s[0])
         while half_s <= longest_s:
             mean, derivative = weak_windows(t_s, half_s, order)
             left = derivative @ values
@@ -157,7 +158,9 @@ class _WeakForm:
         def flat(now: Array) -> Array:
             params = vector[: len(task.model.parameters)].copy()
             params[which] = now
-            return np.clip(np.nan_to_num(self.residual(params) / size, nan=LARGEST), -LARGEST, LARGEST).ravel()
+            return np.clip(
+                np.nan_to_num(self.residual(params) / size, nan=MAX_RESIDUAL), -MAX_RESIDUAL, MAX_RESIDUAL
+            ).ravel()
 
         errors: dict[str, float] = {}
         jacobian = np.zeros((self.left.size, 0))

@@ -16,8 +16,8 @@ import numpy as np
 from iris_sysid.errors import DataError
 from iris_sysid.types import symbol_of
 
-LONGEST, DEEPEST, MAX_OPERATIONS = 1000, 30, 150  # characters of a text, brackets in brackets, operations
-LONGEST_NAME = 40
+MAX_CHARACTERS, MAX_DEPTH, MAX_OPERATIONS = 1000, 30, 150  # characters of a text, brackets in brackets, operations
+MAX_NAME = 40
 CONSTANTS = {"pi": np.pi}
 FUNCTIONS: Mapping[str, Callable[..., float]] = {
     "sin": np.sin, "cos": np.cos, "tan": np.tan, "exp": np.exp, "log": np.log, "sqrt": np.sqrt, "abs": np.abs,
@@ -131,15 +131,15 @@ def read_equations(text: str) -> list[tuple[Expression, Expression]]:
     ExpressionError
         With the column at which it cannot be read.
     """
-    if len(text) > LONGEST:
-        raise ExpressionError(text, LONGEST, f"the text is longer than {LONGEST} characters")
+    if len(text) > MAX_CHARACTERS:
+        raise ExpressionError(text, MAX_CHARACTERS, f"the text is longer than {MAX_CHARACTERS} characters")
     return _Reader(text, list(_tokens(text.translate(ALIKE).replace('"', "''"), text))).equations()
 
 
 def read_expression(text: str) -> Expression:
     """Read one expression; ExpressionError as for :func:`read_equations`."""
-    if len(text) > LONGEST:
-        raise ExpressionError(text, LONGEST, f"the text is longer than {LONGEST} characters")
+    if len(text) > MAX_CHARACTERS:
+        raise ExpressionError(text, MAX_CHARACTERS, f"the text is longer than {MAX_CHARACTERS} characters")
     reader = _Reader(text, list(_tokens(text.translate(ALIKE), text)))
     made = reader.sum()
     if reader.now.kind != "end":
@@ -154,7 +154,7 @@ def _tokens(readable: str, text: str) -> Iterator[_Token]:
         at = match.start(match.lastindex or 0) if not primes else match.start(2)
         column = match.end()
         if number:
-            if not np.isfinite(float(number)) or len(number) > LONGEST_NAME:
+            if not np.isfinite(float(number)) or len(number) > MAX_NAME:
                 raise ExpressionError(text, at, "the number is too large")
             yield _Token("number", number, at)
         elif name:
@@ -170,8 +170,8 @@ def _check_name(name: str, text: str, column: int) -> None:
         raise ExpressionError(text, column, f"{name:.20} is neither a number nor a name; write * between factors")
     if not name.isidentifier() or keyword.iskeyword(name) or name.startswith("_") or "__" in name:
         raise ExpressionError(text, column, f"{name:.40} cannot name anything here; use letters, digits and _")
-    if len(name) > LONGEST_NAME:
-        raise ExpressionError(text, column, f"the name is longer than {LONGEST_NAME} letters")
+    if len(name) > MAX_NAME:
+        raise ExpressionError(text, column, f"the name is longer than {MAX_NAME} letters")
 
 
 class _Reader:
@@ -222,8 +222,8 @@ class _Reader:
 
     def sum(self) -> Expression:
         self.depth += 1
-        if self.depth > DEEPEST:
-            raise self.fail(f"more than {DEEPEST} brackets or powers stand inside one another")
+        if self.depth > MAX_DEPTH:
+            raise self.fail(f"more than {MAX_DEPTH} brackets or powers stand inside one another")
         made = self.product()
         while token := self.take("+", "-"):
             made = self.operation(token.text, token, made, self.product())
@@ -251,8 +251,8 @@ class _Reader:
         if token is None:
             return base
         self.depth += 1
-        if self.depth > DEEPEST:
-            raise self.fail(f"more than {DEEPEST} brackets or powers stand inside one another")
+        if self.depth > MAX_DEPTH:
+            raise self.fail(f"more than {MAX_DEPTH} brackets or powers stand inside one another")
         made = self.operation("^", token, base, self.signed())
         self.depth -= 1
         return made

@@ -25,7 +25,7 @@ MIN_SAMPLES = 4  # samples in half a width
 DRAWS, REFINED, EVALUATIONS = 200, 3, 60  # random values, those improved, and evaluations for each of them
 DECADES = 3.0
 Residual = Callable[[Array], Array]
-LARGEST = 1e6  # of a residual, in standard deviations of the rate
+MAX_RESIDUAL = 1e6  # of a residual, in standard deviations of the rate
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -109,7 +109,7 @@ def _matched(smoothed: _Smoothed, unknowns: Unknowns, values: Array, rng: np.ran
         with np.errstate(all="ignore"):
             rates = smoothed.problem.slopes(smoothed.states, params)[:, smoothed.matched]
             error = (smoothed.rates - rates) / size
-        return np.nan_to_num(np.clip(error, -LARGEST, LARGEST), nan=LARGEST).ravel()
+        return np.nan_to_num(np.clip(error, -MAX_RESIDUAL, MAX_RESIDUAL), nan=MAX_RESIDUAL).ravel()
 
     if free.size:
         start[free] = _best(residual, start[free], unknowns.lower[which], unknowns.upper[which], rng)

@@ -15,7 +15,7 @@ from typing import Any
 from xml.parsers import expat
 
 from fitters.own_model.equation import INPUT_NAME, TIME
-from fitters.own_model.expression import CONSTANTS, FUNCTIONS, LONGEST
+from fitters.own_model.expression import CONSTANTS, FUNCTIONS, MAX_CHARACTERS
 from fitters.own_model.petab_export import DEFINED, NODES, petab_package
 from iris_sysid.errors import DataError
 
@@ -274,8 +274,10 @@ class _Reading:
         return repr(float(value)).removesuffix(".0"), ATOM if value >= 0 else SUM
 
     def _bounded(self, written: Written) -> Written:
-        if len(written[0]) > LONGEST:
-            raise DataError(f"the equations of the SBML model are longer than {LONGEST} characters: use a smaller one")
+        if len(written[0]) > MAX_CHARACTERS:
+            raise DataError(
+                f"the equations of the SBML model are longer than {MAX_CHARACTERS} characters: use a smaller one"
+            )
         return written
 
 

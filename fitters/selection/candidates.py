@@ -22,7 +22,7 @@ from iris_sysid.errors import FitError
 from iris_sysid.registry import EFFECTS
 from iris_sysid.types import Array, Estimate, FitResult, Mask, ModelCandidate, OdeModel
 
-ENOUGH = 400  # samples for a first fit: of more than twice that every second is taken, and so on
+FIRST_FIT_SAMPLES = 400  # samples for a first fit: of more than twice that every second is taken, and so on
 ADEQUATE_NOISE, ADEQUATE_MOTION = 3.0, 0.02  # residual below 3 times the noise, or 2 % of the motion
 WITH_DRAG_MOTION = 0.2  # residual of the motion above which no drag would make an equation the right one
 FAR = 1e6  # in units of the noise: a prediction that has diverged
@@ -76,7 +76,7 @@ def all_tried(trials: Sequence[Trial], bank: Mapping[str, OdeModel], free: Seque
 
 def _begun(model: OdeModel, trial: Trial, free: Sequence[str]) -> _Begun | ModelCandidate:
     adapted, known, opened = _adapted(model, trial.observable, free)
-    every = max(1, trial.t_s.size // ENOUGH)
+    every = max(1, trial.t_s.size // FIRST_FIT_SAMPLES)
     whole = as_trajectory(trial.t_s, trial.observable, adapted)
     some = {name: getattr(whole, name)[::every] for name in ("t_s", "position", "sigma")}
     part = whole.with_(**some, valid=trial.known[::every])

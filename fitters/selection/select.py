@@ -16,7 +16,7 @@ from iris_sysid.registry import MODELS
 from iris_sysid.types import Mask, ModelCandidate, ModelChoice, OdeModel, Trajectory, departure
 
 FITTED = 0.7  # share of the samples, from the first on; the rest is held out
-LONGEST = 900  # samples: what tells models apart shows in the first 15 s at 60 Hz
+MAX_SAMPLES = 900  # samples: what tells models apart shows in the first 15 s at 60 Hz
 MIN_SAMPLES = 12  # samples: enough for four unknowns and something to predict
 MAX_BODIES = 3  # that are looked at together: of more, those that move farthest
 CORRELATED = 0.9  # at lag one, and beyond: the residual has the form of a motion, not of noise
@@ -106,8 +106,8 @@ def _raws(tracks: Sequence[Trajectory]) -> list[Raw]:
 
 
 def _first_of(used: Mask) -> Mask:
-    """The first LONGEST of some samples; FitError for too few."""
-    index = np.flatnonzero(used)[:LONGEST]
+    """The first MAX_SAMPLES of some samples; FitError for too few."""
+    index = np.flatnonzero(used)[:MAX_SAMPLES]
     if index.size < MIN_SAMPLES:
         raise FitError(
             f"only {index.size} usable samples, {MIN_SAMPLES} are needed to choose a model: take a longer clip"

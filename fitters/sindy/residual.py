@@ -52,7 +52,7 @@ def beyond(
     for _ in range(ROUNDS):
         choice = refined(clips, library, tuple(sorted((*own, *extra))), {})
         if not choice.usable:
-            raise FitError(f"the model whose residual is asked for cannot be fitted to this: {choice.fits[0].message}")
+            raise FitError(f"the model whose residual is requested cannot be fitted to this: {choice.fits[0].message}")
         rows, candidates = _rearranged(choice, own)
         chosen, price = called_for(rows, len(candidates), choice.least_seen)
         called = tuple(candidates[k] for k in chosen)

@@ -20,7 +20,7 @@ from iris_sysid.types import BenchmarkClass
 BOARD = "checkerboard"  # the clip of a class folder that calibrates its camera
 SUFFIXES = (".mp4", ".mov", ".m4v", ".mkv", ".avi", ".webm", ".gif")
 NAME = re.compile(r"[^\W_](?:[\w .+-]*[\w+-])?")  # letters first: no hidden file, no control character, no separator
-LONGEST_NAME = 100
+MAX_NAME = 100
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,7 +127,7 @@ def _entries(folder: Path, prefix: str, gaps: list[Gap]) -> list[str]:
         gaps.append(Gap(prefix or folder.name, f"cannot be read: {error.strerror}"))
         return []
     visible = [name for name in names if not name.startswith(".")]
-    usable = [name for name in visible if NAME.fullmatch(name) and len(name) <= LONGEST_NAME]
+    usable = [name for name in visible if NAME.fullmatch(name) and len(name) <= MAX_NAME]
     gaps.extend(
         Gap(f"{prefix}{name!a}", "the name has other characters than letters, digits, _ . + - and spaces; rename it")
         for name in visible

@@ -20,7 +20,7 @@ GROUPS_FILE = "groups.csv"  # beside the clips: what is special about single gro
 TRUTH = ".truth.csv"  # beside a clip that iris-sysid render made
 RUN_TABLE = "trajectory.csv"  # in a folder that iris-sysid run wrote
 MAX_GROUPS = 1000
-LONGEST_NAME = 60
+MAX_NAME = 60
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -60,7 +60,7 @@ class Source:
     @property
     def folder(self) -> str:
         """A name for the folder of its results that every file system takes, and no other group has."""
-        plain = re.sub(r"[^\w.-]+", "-", self.group).strip("-. ")[:LONGEST_NAME]
+        plain = re.sub(r"[^\w.-]+", "-", self.group).strip("-. ")[:MAX_NAME]
         if plain and plain == self.group == plain.lower() and not RESERVED.fullmatch(plain):
             return plain
         return f"{plain or 'group'}-{hashlib.sha256(self.group.encode('utf-8', 'surrogateescape')).hexdigest()[:6]}"

@@ -19,7 +19,7 @@ USUAL, OUTLYING, MEAN, KNOWN = "#0072B2", "#D55E00", "#0072B2", "#009E73"  # Oka
 AXIS = "#808080"  # seen on white and on black
 WIDTH_IN, ROW_IN, MIN_IN = 8.0, 0.24, 2.0
 BEYOND = 1.6  # widths of the usual groups on either side, beyond which a value is drawn as an arrow at the edge
-LONGEST_NAME = 24
+MAX_NAME = 24
 
 
 def class_figure(result: ClassResult) -> Figure:
@@ -135,4 +135,4 @@ def _draw_mean(axes: Axes, result: ClassResult, factor: float) -> None:
 
 
 def _short(name: str) -> str:
-    return name if len(name) <= LONGEST_NAME else f"{name[: LONGEST_NAME - 1]}…"
+    return name if len(name) <= MAX_NAME else f"{name[: MAX_NAME - 1]}…"

@@ -153,7 +153,7 @@ def summary_of(
     DataError
         When there is no group, or they have several models.
     UnknownNameError
-        When no group has the value that is asked for.
+        When no group has the requested value.
     """
     if not documents:
         raise DataError("a class has at least one group")

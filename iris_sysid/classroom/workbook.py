@@ -17,7 +17,7 @@ from iris_sysid.types import Estimate, Population
 
 # text stays text: a group may be called =1+1, or have an address for a name
 PLAIN = {"in_memory": True, "strings_to_formulas": False, "strings_to_urls": False, "strings_to_numbers": False}
-LONGEST_CELL = 32_000  # characters that a cell may hold
+MAX_CELL = 32_000  # characters that a cell may hold
 CREATED = datetime(2020, 1, 1)  # the same bytes for the same class
 WIDE, NARROW = 40, 14
 
@@ -65,7 +65,7 @@ def write_workbook(result: ClassResult, path: str | Path, *, overwrite: bool = F
 
 def _write(sheet: Any, row: int, column: int, value: Any, shape: Any) -> None:
     if isinstance(value, str):
-        sheet.write_string(row, column, value[:LONGEST_CELL], shape)
+        sheet.write_string(row, column, value[:MAX_CELL], shape)
     elif value is not None and math.isfinite(value):
         sheet.write_number(row, column, value, shape)
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from iris_sysid.types import FitResult, OdeModel, Track, Trajectory, Verdict
 
 NOT_GOOD = 3  # exit status with --strict
-LONGEST_LINE = 4000  # characters of a message: names and cells of a damaged file can have megabytes
+MAX_LINE = 4000  # characters of a message: names and cells of a damaged file can have megabytes
 
 
 def check_sources(sources: Sequence[Path]) -> None:
@@ -286,7 +286,7 @@ def lines(text: str) -> str:
 
 def one_line(text: str) -> str:
     """The text on one line, its middle left out where it is very long, with control characters shown as escapes."""
-    shown = text if len(text) <= LONGEST_LINE else f"{text[: LONGEST_LINE // 2]} ... {text[-LONGEST_LINE // 2 :]}"
+    shown = text if len(text) <= MAX_LINE else f"{text[: MAX_LINE // 2]} ... {text[-MAX_LINE // 2 :]}"
     return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in shown)
 
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from fitters.image_effects import view_of
 from iris_sysid.types import Array, FitResult, Trajectory
 
-FEW = 10_000  # samples up to which every one is used, and blocks that a longer record has at least
+MIN_BLOCKS = 10_000  # samples up to which every one is used, and blocks that a longer record has at least
 RANKED, SEARCHED = 300, 1000  # the same of the samples by which effects are ranked, and by which they are searched
 BLURRED = 0.01  # largest share of the motion's variance inside blocks: changes means by half of it, a size by no more
 
@@ -41,7 +41,7 @@ def block_means(given: Residuals) -> Residuals:
     given
         A fit with all its samples.
     """
-    starts = _starts(given.fitted, FEW)
+    starts = _starts(given.fitted, MIN_BLOCKS)
     if starts is None:
         return given
     fitted, used = given.fitted, given.fitted.used

@@ -28,7 +28,7 @@ REFITTED = 4  # best candidates that are refitted in each round
 WORTH_REFITTING = 0.7  # fraction of the significant chi-square; a refit can explain more than the first-order test
 SAMPLES_A_PART = 10  # samples of each short part of a clip whose end is left out
 BEYOND_NOISE = 3.0  # residual over noise from which a long record is searched with few of its samples
-NEARLY = 0.2  # a rival's first-order gain may be smaller by this fraction; a refit can be that much better
+GAIN_MARGIN = 0.2  # a rival's first-order gain may be smaller by this fraction; a refit can be that much better
 
 
 class FitCache:
@@ -237,7 +237,7 @@ class FitCache:
     def rivals(self, rest: ModelWithEffects, effect: Effect) -> list[ModelWithEffects]:
         """Refits of ``rest`` with one effect whose first-order gain is nearly that of ``effect``, or larger."""
         screening, testable = self.screening(rest), self.testable(rest)
-        least = (1.0 - NEARLY) * screening.score(effect.name).gain
+        least = (1.0 - GAIN_MARGIN) * screening.score(effect.name).gain
         near = [name for name in screening.names if name in testable and screening.score(name).gain > least]
         return self.refits(rest, [screening.single(name) for name in near])
 

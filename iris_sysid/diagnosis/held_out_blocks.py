@@ -20,7 +20,7 @@ from iris_sysid.diagnosis.refit import DETERMINED, ModelWithEffects, fit_from, f
 from iris_sysid.types import Array, Estimate, FitResult, student_ppf
 
 BLOCKS = 8  # of a clip that are left out in turn
-FEW_BLOCKS = 4  # the same where there are several clips, or a driven motion, whose fits take long
+BLOCKS_OF_SEVERAL = 4  # the same where there are several clips, or a driven motion, whose fits take long
 SAMPLES_A_VALUE = 2  # samples per free value that a fit needs after a block is left out
 MIN_FITS = 3  # without a block, whose scatter tells an error
 DRAWS = 2000  # of blocks with replacement
@@ -179,6 +179,6 @@ def _fitted_without(clip: FitRequest, fitted: FitResult, later: Indices) -> FitR
 
 def every_block(fits: Sequence[FitResult]) -> list[list[NDArray[np.intp]]]:
     """The blocks of all clips, as many of each; none where a clip is too short."""
-    count = BLOCKS if len(fits) == 1 and not fits[0].model.inputs else FEW_BLOCKS
+    count = BLOCKS if len(fits) == 1 and not fits[0].model.inputs else BLOCKS_OF_SEVERAL
     blocks = [blocks_of(fitted, count) for fitted in fits]
     return blocks if all(blocks) else []

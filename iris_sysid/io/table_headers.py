@@ -65,7 +65,7 @@ QUANTITIES: Mapping[str, str] = {
     **dict.fromkeys(("z", "height", "hohe", "altura", "altezza", "hauteur", "elevation"), "z"),
     **dict.fromkeys(("level", "liquid_level", "fullhohe", "nivel"), "h"),
 }
-LONGEST_TITLE = 300  # characters; a longer one is not a name with a unit
+MAX_TITLE = 300  # characters; a longer one is not a name with a unit
 FRAMES = ("frame", "frames", "bild", "image", "index", "step")
 BRACKETED = re.compile(r"(?P<name>.*?)\s*[\(\[]\s*(?P<unit>[^()\[\]]*?)\s*[\)\]]\s*")
 RATE = r"(?:/s(?:\^?[23]|²)?)?"
@@ -204,7 +204,7 @@ def _unit(text: str) -> tuple[str, float] | None:
 
 def _taken_apart(title: str) -> tuple[str, tuple[str, float] | None]:
     """Name and unit of a title; no unit where none can be told."""
-    if len(title) > LONGEST_TITLE:
+    if len(title) > MAX_TITLE:
         return title, None
     title = title.rpartition("/")[2] if "/" in title and _unit(title.rpartition("/")[2]) is None else title
     for pattern in (OWN, BRACKETED, DIVIDED, ENDING):
@@ -240,7 +240,7 @@ def _guessed(cells: Cells, titles: Sequence[str], time: Meaning | None = None) -
         if unit is None and driven and RECORDED.fullmatch(_plain(name)):
             unit = ("1", 1.0)
         if unit is None or unit[0] not in COLUMN_UNITS:
-            unknown += [titles[k]] if unit is None else []  # a speed or an acceleration is read where it is asked for
+            unknown += [titles[k]] if unit is None else []  # a speed or an acceleration is read where it is requested
             continue
         named = QUANTITIES.get(_plain(name), _plain(name))
         if not re.match(r"[a-z]", named) or any(meaning.name == named for meaning in meanings):

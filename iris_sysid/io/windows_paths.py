@@ -11,7 +11,7 @@ from pathlib import PureWindowsPath
 # names that Windows keeps for devices, with any suffix, also with digits that are superscripts
 RESERVED = re.compile(r"(con|prn|aux|nul|conin\$|conout\$|(com|lpt)[\d¹²³])( *\..*)?", re.IGNORECASE)
 FORBIDDEN = re.compile(r'[<>:"|?*\x00-\x1f]')
-LONGEST_PATH = 259  # characters, unless the machine allows long ones
+MAX_PATH = 259  # characters, unless the machine allows long ones
 
 
 def name_trouble(path: PureWindowsPath) -> str:
@@ -29,6 +29,6 @@ def name_trouble(path: PureWindowsPath) -> str:
 def length_trouble(path: PureWindowsPath) -> str:
     """A remark on a ``path`` that is longer than Windows takes by itself; empty for others."""
     length = len(str(path))
-    if length <= LONGEST_PATH:
+    if length <= MAX_PATH:
         return ""
-    return f"; the path has {length} characters and Windows takes {LONGEST_PATH}: use shorter names or folders"
+    return f"; the path has {length} characters and Windows takes {MAX_PATH}: use shorter names or folders"

@@ -10,7 +10,7 @@ from iris_sysid.types import Array, Segment, Trajectory
 
 MIN_SAMPLES = 5  # samples at rest
 LATEST = 0.7  # of the motion: rest must end by then
-CLEARLY = 0.8  # times the squared residual of a single parabola: rest is accepted below it
+MAX_RATIO = 0.8  # times the squared residual of a single parabola: rest is accepted below it
 
 
 def without_still_start(body: Trajectory) -> Trajectory:
@@ -31,7 +31,7 @@ def _split(motion: Segment, body: Trajectory) -> list[Segment]:
     starts = np.arange(MIN_SAMPLES, int(LATEST * index.size))
     residual = np.array([_constant(values[:k]) + _parabola(t_s[k:], values[k:]) for k in starts])
     best = int(np.argmin(residual))
-    if residual[best] > CLEARLY * _parabola(t_s, values):
+    if residual[best] > MAX_RATIO * _parabola(t_s, values):
         return [motion]
     start = int(index[starts[best]])
     still = Segment("rest", motion.start, start, f"constant until {body.t_s[start]:.3g} s")

@@ -10,7 +10,7 @@ import numpy as np
 from iris_sysid.phenomena._motion import in_motion, only_body, stated
 from iris_sysid.types import BenchmarkClass, Estimate, Mask, Phenomenon, Quantity, Segment, Trajectory
 
-SHORTEST = 8  # samples of a fall from which the last one can be dropped
+MIN_SAMPLES = 8  # samples of a fall from which the last one can be dropped
 
 
 def observe(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Trajectory:
@@ -54,7 +54,7 @@ def _clear_of_the_floor(body: Trajectory) -> tuple[tuple[Segment, ...], Mask]:
     followed = {segment.start for segment in segments if segment.label == "contact"}
     for k, segment in enumerate(segments):
         seen = np.flatnonzero(valid[segment.start : segment.stop])
-        if segment.label == "motion" and segment.stop in followed and seen.size >= SHORTEST:
+        if segment.label == "motion" and segment.stop in followed and seen.size >= MIN_SAMPLES:
             valid[segment.start + seen[-1]] = False
             segments[k] = replace(
                 segment, reason=f"{segment.reason}; without its last sample, which has the floor behind it"

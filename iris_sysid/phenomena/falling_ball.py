@@ -20,9 +20,9 @@ from iris_sysid.types import BenchmarkClass, Estimate, FitResult, Phenomenon, Se
 Index = NDArray[np.int64]
 
 MIN_SAMPLES = 5  # samples of the fall
-CLEARLY = 3.0  # standard errors by which the radius shrinks from sample to sample
+MIN_SIGMAS = 3.0  # standard errors by which the radius shrinks from sample to sample
 LONGER = 1.5  # times the fall in the motion: a longer fall in the release before it is the first one
-LONGEST_GAP = 3.5  # times the usual step: a bounce may hide in a longer one
+MAX_GAP = 3.5  # times the usual step: a bounce may hide in a longer one
 
 
 def observe(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Trajectory:
@@ -79,8 +79,8 @@ def _fall(segment: Segment, body: Trajectory) -> tuple[Index, tuple[int, int]]:
         return index, (0, 0)
     t_s, radius, sigma = body.t_s[index], body.position[index, 0], body.sigma[index, 0]
     error = np.hypot(sigma[1:], sigma[:-1])
-    shrinks = np.diff(radius) < -CLEARLY * np.where(np.isfinite(error), error, 0.0)
-    shrinks &= np.diff(t_s) < LONGEST_GAP * np.median(np.diff(t_s))
+    shrinks = np.diff(radius) < -MIN_SIGMAS * np.where(np.isfinite(error), error, 0.0)
+    shrinks &= np.diff(t_s) < MAX_GAP * np.median(np.diff(t_s))
     edges = np.flatnonzero(np.diff(np.concatenate([[False], shrinks, [False]])))
     runs = [(int(first), int(last)) for first, last in edges.reshape(-1, 2)]
     return index, max(runs, key=lambda run: radius[run[0]] - radius[run[1]], default=(0, 0))

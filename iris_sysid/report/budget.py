@@ -15,7 +15,7 @@ from iris_sysid.report.text import shown_unit, table_names, with_error
 from iris_sysid.types import Calibration, Estimate, FitResult, Track
 
 RANDOM = "random"
-SMALLEST = 0.0005  # of the variance; a smaller part is "0.0 %"
+MIN_SHARE = 0.0005  # of the variance; a smaller part is "0.0 %"
 SPELLED = {RANDOM: "tracking noise and other random errors"}
 NOTE = (
     "Standard errors in the unit of the total. The parts are independent and add in squares (GUM 5.1.2). Systematic "
@@ -53,7 +53,7 @@ def _rows(
         if part > 0:
             kind = "random" if source == RANDOM else "systematic"
             cells = (_spelled(source, known), kind, f"{factor * part:.2g}", f"{100 * part**2 / variance:.1f} %")
-            (rows if part**2 >= SMALLEST * variance else small).append((name, *cells))
+            (rows if part**2 >= MIN_SHARE * variance else small).append((name, *cells))
     return rows, small
 
 

@@ -16,7 +16,7 @@ from iris_sysid.types import Frame, FrameSource, TrackCandidate
 FRAMES, WIDTH, TEXT_WIDTH, LINE = 6, 300, 420, 17  # frames a candidate; px
 FONT, SIZE = cv2.FONT_HERSHEY_SIMPLEX, 0.42
 INK, GOOD, BAD = (40, 40, 40), (60, 130, 30), (30, 30, 190)  # BGR
-LONGEST = 58  # letters a line
+MAX_LETTERS = 58  # letters a line
 
 Picture = NDArray[np.uint8]
 
@@ -106,7 +106,7 @@ def _wrapped(text: str) -> list[str]:
     """The text in lines that fit."""
     lines = [""]
     for word in text.split():
-        if len(lines[-1]) + len(word) > LONGEST:
+        if len(lines[-1]) + len(word) > MAX_LETTERS:
             lines.append("")
         lines[-1] = f"{lines[-1]} {word}".strip()
     return lines

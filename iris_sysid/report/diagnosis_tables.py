@@ -17,7 +17,7 @@ from iris_sysid.report.text import (
 )
 from iris_sysid.types import Diagnosis, EffectCause, FitResult, Limit, Score, Trajectory
 
-SMALLEST = 0.0005  # of the residual; a smaller part is "0.0 %"
+MIN_SHARE = 0.0005  # of the residual; a smaller part is "0.0 %"
 WITHOUT, WITH = "without the added effects", "with the added effects"
 
 
@@ -148,8 +148,8 @@ def _score_section(number: int, scores: tuple[Score, ...]) -> Section:
         *words("effect"),
         *numbers("of the residual explained", "size, to first order", "size / standard error"),
     )
-    shown = [_score_row(score) for score in scores if score.gain >= SMALLEST]
-    more = [_score_row(score) for score in scores if not score.gain >= SMALLEST]
+    shown = [_score_row(score) for score in scores if score.gain >= MIN_SHARE]
+    more = [_score_row(score) for score in scores if not score.gain >= MIN_SHARE]
     return Section(f"Score tests, round {number}", columns, shown, more=more)
 
 

@@ -106,9 +106,19 @@ def draw_track(
 def sampled_views(
     video: FrameSource, body: Track | None, largest_px: float, count: int = FRAMES
 ) -> list[tuple[float, NDArray[np.uint8]]]:
-    """Time, s, and image (h, w, 3) uint8 BGR of at most ``count`` sampled frames, no side longer than ``largest_px``.
+    """Time, s, and image (h, w, 3) uint8 BGR of sampled frames.
 
-    Where the camera moves, as the track of a ``body`` says, each is laid where the first frame shows the scene.
+    Parameters
+    ----------
+    video
+        The clip.
+    body
+        A track that follows the motion of the camera: each image is laid where the first frame shows the scene. None
+        for a camera at rest.
+    largest_px
+        Longest side of an image, px.
+    count
+        Most frames.
     """
     scale = min(1.0, largest_px / max(video.width, video.height))
     size = round(scale * video.width), round(scale * video.height)

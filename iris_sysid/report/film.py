@@ -22,7 +22,7 @@ from iris_sysid.types import Array, FitResult, FrameSource, Track, Trajectory
 from iris_sysid.video.frame_access import jpeg_of
 from iris_sysid.video.reader import open_video
 
-LONGEST_PX = 640  # side of a frame in the page
+MAX_SIDE_PX = 640  # side of a frame in the page
 MAX_BYTES = 1_400_000  # of all frames of a page, as JPEG
 QUALITY, STILL_QUALITY = 70, 82  # of the frames, and of the picture on top
 SHRINK, TRIES = 0.8, 6  # of the frames' sides, until they keep to the budget
@@ -155,14 +155,14 @@ def film_of(footage: Filmed, trajectory: Trajectory, models: Mapping[str, tuple[
         return None
     images: list[NDArray[np.uint8]] = []
     rows: list[int] = []
-    for t_s, image in sampled_views(video, tracks[0], LONGEST_PX):
+    for t_s, image in sampled_views(video, tracks[0], MAX_SIDE_PX):
         row = int(np.argmin(np.abs(tracks[0].t_s - t_s)))
         if abs(tracks[0].t_s[row] - t_s) < 1e-6:
             images.append(image)
             rows.append(row)
     if not images:
         return None
-    scale = min(1.0, LONGEST_PX / max(video.width, video.height))
+    scale = min(1.0, MAX_SIDE_PX / max(video.width, video.height))
     still = multiple_exposure(images[:: -(-len(images) // PHASES)])
     in_page = [(track.xy_px + 0.5) * scale for track in tracks]
     markers = [

@@ -13,7 +13,7 @@ from iris_sysid.report.text import round_step
 from iris_sysid.types import Frame
 
 FONT = cv2.FONT_HERSHEY_SIMPLEX
-SHORTEST = 1200  # px; a smaller frame is enlarged by a whole number until its longer side has this length
+MIN_SIDE_PX = 1200  # px; a smaller frame is enlarged by a whole number until its longer side has this length
 LINES, FINE = 14, 5  # labelled lines along the longer side; intervals between two of them
 INK, PAPER = (30, 30, 30), (255, 255, 255)  # BGR
 MAJOR, MINOR = 0.55, 0.22  # how much of a line covers the image
@@ -66,7 +66,7 @@ def frame_sheet(image: Picture, title: str = "") -> Picture:
         through the centres of the pixels of column x.
     """
     height, width = image.shape[:2]
-    zoom = -(-SHORTEST // max(height, width))
+    zoom = -(-MIN_SIDE_PX // max(height, width))
     step = max(1, round(round_step(max(height, width) / LINES)))
     drawn = cv2.resize(image, None, fx=zoom, fy=zoom, interpolation=cv2.INTER_NEAREST)
     for spacing, strength in ((step / FINE, MINOR), (step, MAJOR)):

@@ -77,7 +77,7 @@ def numbers(*titles: str) -> tuple[PageColumn, ...]:
 class Section:
     """A folded part of a page: a table, lines of text, an equation, a figure.
 
-    ``more`` are rows that are out of sight until they are asked for.
+    ``more`` are rows that are out of sight until the reader opens them.
     """
 
     title: str
@@ -269,7 +269,7 @@ def estimates_section(
     symbols
         LaTeX symbol by name.
     main
-        Names to show; the others are out of sight until they are asked for. None shows all.
+        Names to show; the others are out of sight until the reader opens them. None shows all.
     """
     rows = {
         name: (

@@ -10,7 +10,7 @@ from iris_sysid.report.diagnosis_text import size_text
 from iris_sysid.types import Array, FitResult, Quantity
 
 NOISE_LIKE = 1.5  # times the noise, up to which a residual is called noise
-MOSTLY = 0.8  # of the sum of squares in one part of the motion, for that part to be named
+MIN_SHARE = 0.8  # of the sum of squares in one part of the motion, for that part to be named
 ALIKE = 0.5  # of the variance that a simple form must explain to be named
 MIN_SAMPLES = 12  # samples from which a form is read
 PARTS = 5  # of the time, equal in length; the first and the last are looked at
@@ -59,19 +59,19 @@ def _where(quantity: Quantity, t_s: Array, residual: Array, motion: Array) -> st
     """The part of the motion that holds most of it."""
     power = residual**2 / np.sum(residual**2)
     few = max(1, round(SPIKES * power.size))
-    if np.sort(power)[-few:].sum() > MOSTLY:
+    if np.sort(power)[-few:].sum() > MIN_SHARE:
         return "almost all in a few samples"
     span = t_s[-1] - t_s[0]
     for inside, name in (
         (t_s <= t_s[0] + span / PARTS, f"mostly in the first {span / PARTS:.2g} s"),
         (t_s >= t_s[-1] - span / PARTS, f"mostly in the last {span / PARTS:.2g} s"),
     ):
-        if power[inside].sum() > MOSTLY:
+        if power[inside].sum() > MIN_SHARE:
             return name
     middle = (motion.min() + motion.max()) / 2
     high, low = _sides(quantity)
     for inside, name in ((motion > middle, high), (motion < middle, low)):
-        if 0.2 < inside.mean() < 0.8 and power[inside].sum() > MOSTLY:
+        if 0.2 < inside.mean() < 0.8 and power[inside].sum() > MIN_SHARE:
             return f"almost always {name}"
     return ""
 

@@ -26,7 +26,7 @@ from iris_sysid.review.views import clip_view, fit_view, state_view, tracking_vi
 ASSETS = {"page.js": "text/javascript", "review.js": "text/javascript", "review.css": "text/css"}
 MAX_BYTES = 100_000  # of a request; an edit has some hundreds
 PATIENCE_S = 20.0  # that a request for a fit waits
-LONGEST_SIDE_PX = 16384
+MAX_SIDE_PX = 16384
 
 
 def review_app(session: Session, token: str, hosts: Iterable[str]) -> ASGIApp:
@@ -99,7 +99,7 @@ class _Pages:
         self.session = session
 
     def frame(self, request: Request) -> Response:
-        width = _whole(request, "width", LONGEST_SIDE_PX)
+        width = _whole(request, "width", MAX_SIDE_PX)
         return Response(self.session.jpeg(request.path_params["number"], width), media_type="image/jpeg")
 
     def clip(self, request: Request) -> Response:

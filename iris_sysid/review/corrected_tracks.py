@@ -13,7 +13,7 @@ from iris_sysid.errors import DataError
 from iris_sysid.review.edits import Confirm, Delete, Drop, Edit, Place, SplitTrack, Swap
 from iris_sysid.types import Array, Doubt, Mask, Track, TrackMark, TrackQuality, mapped
 
-# what a track has for every frame, and what stands for a frame without the body
+# columns of a track with a value for every frame, and their value in a frame without the body
 PER_FRAME: dict[str, Any] = {
     "xy_px": np.nan,
     "sigma_px": np.nan,
@@ -30,7 +30,7 @@ PER_FRAME: dict[str, Any] = {
 }
 MAX_BODIES = 64
 IGNORED_PX = 6.0  # a click on something else than a body means what is at least as near
-LEAP_STEPS = 5.0  # median steps of a track, and IGNORED_PX: further is another thing
+LEAP_STEPS = 5.0  # median steps of a track, and IGNORED_PX: a detection farther away is another object
 
 Tracks = tuple[Track, ...]
 Whole = NDArray[np.integer[Any]]  # rows, or numbers of frames

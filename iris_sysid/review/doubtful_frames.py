@@ -23,7 +23,7 @@ OFF_SCALES, OFF_RADII, OFF_PX = (
     0.6,
     2.0,
 )  # a position off its neighbours' course by more than all three is doubtful
-LONGEST_EXCURSION, SAME_SIZE = 60, 0.5  # frames; two leaps cancel each other to this share of their size
+MAX_EXCURSION, SAME_SIZE = 60, 0.5  # frames; two leaps cancel each other to this share of their size
 SIZE_RATIO = 1.4  # times the median radius thereabouts
 SIGMA_RATIO, SIGMA_PX = 6.0, 0.5  # times the median standard error, and px at least
 MEETING_RADII = 2.0  # nearer than this, names may have been exchanged
@@ -199,7 +199,7 @@ def _excursions(track: Track, places: Sequence[tuple[int, int]]) -> Iterable[tup
         leap = leaps[at]
         if np.hypot(*np.nansum(leaps[near], axis=0)) < SAME_SIZE * np.nanmax(sizes):
             continue  # there and back within the place
-        if before is not None and at - before[0] <= LONGEST_EXCURSION:
+        if before is not None and at - before[0] <= MAX_EXCURSION:
             sum_of_both = float(np.hypot(*(leap + before[1])))
             if sum_of_both < SAME_SIZE * max(float(np.hypot(*leap)), float(np.hypot(*before[1]))):
                 yield before[0] + 1, at + 1

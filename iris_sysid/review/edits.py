@@ -124,7 +124,7 @@ class BoardCorners(_Click):
 
 
 class Ignore(_Click):
-    """What is at x, y px in that frame is no body: a hand, say."""
+    """The object at x, y px in that frame is not a body, but e.g. a hand."""
 
     kind: Literal["ignore"] = "ignore"
     frame: FrameNumber

@@ -1,6 +1,6 @@
 """Fits that follow the edits: a quick one of a long clip first, then that of all frames; the newest state first.
 
-Nothing is fitted before an outcome is asked for: what a page shows first need not share the processor with it.
+Nothing is fitted before an outcome is requested: what a page shows first need not share the processor with it.
 """
 
 from __future__ import annotations

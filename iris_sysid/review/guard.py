@@ -1,4 +1,4 @@
-"""What is asked for reaches the review only from its own page: host, origin and token are checked, nothing is cached.
+"""Requests reach the review only from its own page: host, origin and token are checked, nothing is cached.
 
 A server on the loopback interface can be reached by every page that the browser shows, and by names that an attacker
 lets point to it (DNS rebinding). The host must therefore be the loopback address itself, a stated origin must be the

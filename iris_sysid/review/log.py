@@ -18,7 +18,7 @@ from iris_sysid.review.edits import Edit, parse_edit
 
 LOG_NAME = "review.jsonl"
 FORMAT = 1
-LONGEST_LINE = 20_000  # bytes; an edit is far shorter
+MAX_LINE = 20_000  # bytes; an edit is far shorter
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,13 +44,13 @@ def read_log(path: Path) -> LoggedReview:
     Raises
     ------
     DataError
-        When another line is damaged, or the file is no log of a review.
+        When another line is damaged, or the file is not a log of a review.
     """
     data = read_file(path)
     whole = data.rfind(b"\n") + 1
     lines = data[:whole].decode("utf-8", "replace").splitlines()
     if not lines:
-        raise DataError(f"{path} is empty: it is no log of a review; delete it to begin again")
+        raise DataError(f"{path} is empty: it is not a log of a review; delete it to begin again")
     header = _object(path, 1, lines[0])
     if header.get("review") != FORMAT:
         raise DataError(
@@ -118,7 +118,7 @@ def _entry(path: Path, number: int, line: str) -> Entry:
 
 def _object(path: Path, number: int, line: str) -> dict[str, Any]:
     try:
-        content = json.loads(line) if len(line) <= LONGEST_LINE else None
+        content = json.loads(line) if len(line) <= MAX_LINE else None
     except (ValueError, RecursionError):
         content = None
     if not isinstance(content, dict):

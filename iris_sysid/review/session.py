@@ -35,7 +35,7 @@ LONG = 5000  # frames; the fit of as many takes about as long as a process needs
 
 
 class BehindError(IrisError):
-    """A change was asked for by a page that does not show the present version; ``version`` is that."""
+    """A page that does not show the present version requested a change; ``version`` is the present one."""
 
     def __init__(self, version: int) -> None:
         super().__init__("another page has changed this review since; its state is loaded, then do it again")

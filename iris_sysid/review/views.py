@@ -207,7 +207,7 @@ def _segments(run: Run) -> list[dict[str, Any]]:
 
 
 def _numbers(values: Array, digits: int) -> list[float | None]:
-    """The values (n,), in their unit, rounded to so many decimal digits; null for what is not finite."""
+    """The values (n,), in their unit, rounded to ``digits`` decimal digits; null for what is not finite."""
     rounded = np.round(np.asarray(values, dtype=np.float64), digits)
     if np.isfinite(rounded).all():
         return rounded.tolist()  # ten times as fast

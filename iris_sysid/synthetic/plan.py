@@ -25,7 +25,7 @@ from iris_sysid.types import Array
 Choice = TypeVar("Choice")
 
 NOTHING: Mapping[str, float] = MappingProxyType({})
-LARGEST, SMALLEST = 7680, 32
+MAX_SIDE_PX, MIN_SIDE_PX = 7680, 32
 MAX_FRAMES = 1_000_000
 EXPOSURE_NODES = 8  # Gauss-Legendre nodes for the mean position over the exposure
 SHAKE_WIDTH = 1280  # px at which shake and drift are stated
@@ -173,7 +173,7 @@ def _chosen(choices: Mapping[str, Choice], name: str, complaint: str) -> Choice:
 
 
 def _is_side(pixels: object) -> bool:
-    return isinstance(pixels, int) and SMALLEST <= pixels <= LARGEST and pixels % 2 == 0
+    return isinstance(pixels, int) and MIN_SIDE_PX <= pixels <= MAX_SIDE_PX and pixels % 2 == 0
 
 
 def check_clip(size: tuple[int, int], fps: float, duration_s: float, seed: int) -> None:
@@ -193,7 +193,7 @@ def check_clip(size: tuple[int, int], fps: float, duration_s: float, seed: int) 
     if not isinstance(seed, int) or seed < 0:
         raise DataError(f"seed must be a whole number from 0 on, not {seed!r}")
     if len(size) != 2 or not all(_is_side(side) for side in size):
-        raise DataError(f"size must be two even numbers from {SMALLEST} to {LARGEST}, not {size}")
+        raise DataError(f"size must be two even numbers from {MIN_SIDE_PX} to {MAX_SIDE_PX}, not {size}")
     if not (isinstance(fps, int | float) and 0.1 <= fps <= 1000):
         raise DataError(f"fps must lie between 0.1 and 1000, not {fps!r}")
     if not (isinstance(duration_s, int | float) and duration_s * fps >= 2):

@@ -9,7 +9,7 @@ from iris_sysid.errors import DataError
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-LARGEST = 1e60  # fourth powers of it, summed over any number of samples, stay far below the largest float
+MAX_VALUE = 1e60  # fourth powers of it, summed over any number of samples, stay far below the largest float
 
 
 def frozen_array(values: ArrayLike, shape: tuple[int | None, ...], name: str) -> Array:
@@ -42,7 +42,7 @@ def frozen_mask(values: ArrayLike, n: int, name: str) -> Mask:
 def check_size(values: Array, name: str) -> None:
     """Raise DataError where a value, of any shape and unit, is too large for sums of fourth powers of it."""
     largest = float(np.nanmax(np.abs(values), initial=0.0))
-    if largest > LARGEST:
+    if largest > MAX_VALUE:
         raise DataError(f"{name} of {largest:.3g} is too large to compute with; give it in a larger unit")
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from iris_sysid.types._numbers import Estimate, Quantity
 
 WIDEST = 150  # characters of a line
-LONGEST_VALUE = 60
+MAX_VALUE_LETTERS = 60
 
 
 class Brief:
@@ -55,8 +55,8 @@ def _short(value: Any) -> str:
     if isinstance(value, np.ndarray):
         return f"<{value.dtype} {value.shape}>"
     if isinstance(value, Mapping):
-        return f"{{{textwrap.shorten(', '.join(map(str, value)), LONGEST_VALUE, placeholder=' ...')}}}"
-    if isinstance(value, (tuple, list)) and len(repr(value)) > LONGEST_VALUE:
+        return f"{{{textwrap.shorten(', '.join(map(str, value)), MAX_VALUE_LETTERS, placeholder=' ...')}}}"
+    if isinstance(value, (tuple, list)) and len(repr(value)) > MAX_VALUE_LETTERS:
         return f"<{len(value)} items>"
     shown = repr(value) if not callable(value) else getattr(value, "__qualname__", type(value).__name__)
-    return shown if len(shown) <= LONGEST_VALUE else f"<{type(value).__name__}>"
+    return shown if len(shown) <= MAX_VALUE_LETTERS else f"<{type(value).__name__}>"

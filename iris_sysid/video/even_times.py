@@ -14,7 +14,7 @@ from fractions import Fraction
 import numpy as np
 
 COARSE = Fraction(1, 1000)  # of the frame interval: rounding to less is far below the error of any position
-SHORTEST = 4  # units of a frame interval: stamps agree with a shorter one by chance
+MIN_UNITS = 4  # units of a frame interval: stamps agree with a shorter one by chance
 MIN_FRAMES = 12  # frames: fewer may agree with a rate by chance
 ROUNDING = 1.0  # units: the largest difference of two roundings, either to the nearest or downwards
 
@@ -36,7 +36,7 @@ def is_coarse(rate: Fraction | None, time_base: Fraction | None) -> bool:
     if not rate or not time_base:
         return False
     interval = 1 / (rate * time_base)
-    return interval.denominator > 1 and SHORTEST <= interval < 1 / COARSE
+    return interval.denominator > 1 and MIN_UNITS <= interval < 1 / COARSE
 
 
 def even_times(stamps: Sequence[int], rates: Iterable[Fraction | None], time_base: Fraction) -> EvenTimes | None:

@@ -1,7 +1,7 @@
 """Single frames of a clip by number, as JPEG: what was decoded is kept up to a limit, and the next frames are prepared.
 
 A frame is decoded from the key frame before it. Steps forward go on where the decoder is; steps back are served from
-the frames kept, and a thread decodes those further back before they are asked for.
+the frames kept, and a thread decodes those further back before they are requested.
 """
 
 from __future__ import annotations
@@ -114,7 +114,7 @@ class FrameAccess:
                 self._held.popitem(last=False)
 
     def _prepare(self) -> None:
-        """Decode what was last wanted, until it is; frames that are asked for meanwhile come first."""
+        """Decode what was last wanted, until it is; frames that are requested meanwhile come first."""
         while not self._closed:
             self._wake.wait()
             self._wake.clear()

@@ -40,7 +40,7 @@ def test_scores_by_block_means_are_those_of_all_samples(monkeypatch):
     fitted = fit(clip, "pendulum")
     effects = [EFFECTS[name] for name in NAMES]
     few = screen(effects, fitted, clip)
-    monkeypatch.setattr(module, "FEW", clip.n)
+    monkeypatch.setattr(module, "MIN_BLOCKS", clip.n)
     every = screen(effects, fitted, clip)
     assert few.directions.shape[1] <= every.directions.shape[1] / 2.9
     for name in NAMES:

@@ -10,7 +10,7 @@ from fitters.ode import FitRequest, fit
 from iris_sysid.diagnosis.diagnose import diagnose
 from iris_sysid.diagnosis.held_out_blocks import (
     BLOCKS,
-    FEW_BLOCKS,
+    BLOCKS_OF_SEVERAL,
     BlockErrors,
     blocks_of,
     every_block,
@@ -27,7 +27,7 @@ VALUES = MappingProxyType({"length": 0.5, "damping": 0.05, "x0": 0.8, "v0": 0.1}
 T_S = np.arange(360) / 60
 NOISE = 5e-4
 DRAG = EFFECTS["quadratic-drag"]
-FEW = [DRAG, EFFECTS["constant-force"], EFFECTS["impact"]]
+THREE_EFFECTS = [DRAG, EFFECTS["constant-force"], EFFECTS["impact"]]
 
 
 def table(theta: Array, seed: int = 0) -> Trajectory:
@@ -79,7 +79,7 @@ def test_error_over_blocks_is_the_noise_for_the_true_equation_and_more_without_t
 
 
 def test_error_before_and_after_is_over_the_same_blocks_at_the_noise():
-    diagnosis = diagnose(table(dragged()), PENDULUM, effects=FEW)
+    diagnosis = diagnose(table(dragged()), PENDULUM, effects=THREE_EFFECTS)
     assert [effect.name for effect in diagnosis.added] == ["quadratic-drag"]
     assert diagnosis.after.heldout == pytest.approx(NOISE, rel=0.12)
     assert diagnosis.before.heldout > 3 * NOISE
@@ -88,7 +88,7 @@ def test_error_before_and_after_is_over_the_same_blocks_at_the_noise():
 
 def test_effect_in_the_last_block_alone_leaves_the_error_over_it():
     kicked = integrate(SWING, VALUES, T_S, kicks={5.8: np.array([0.3])})[:, :1]
-    diagnosis = diagnose(table(kicked), PENDULUM, effects=FEW)
+    diagnosis = diagnose(table(kicked), PENDULUM, effects=THREE_EFFECTS)
     assert diagnosis.after.heldout > 3 * NOISE  # nothing that was seen tells of a blow to come
     assert diagnosis.after.heldout <= diagnosis.before.heldout
 
@@ -96,7 +96,7 @@ def test_effect_in_the_last_block_alone_leaves_the_error_over_it():
 def test_with_several_clips_the_size_comes_from_the_others():
     requests, model = with_drag(*(table(dragged(size), seed) for seed, size in enumerate((0.1, 0.3))))
     blocks = every_block(model.fits)
-    assert [len(each) for each in blocks] == [FEW_BLOCKS, FEW_BLOCKS]
+    assert [len(each) for each in blocks] == [BLOCKS_OF_SEVERAL, BLOCKS_OF_SEVERAL]
     both = held_out_errors(requests, model, blocks)
     for request, own in zip(requests, blocks, strict=True):
         _, alone = with_drag(request.trajectory)

@@ -11,7 +11,7 @@ from validation.independent.motions import MOTIONS, integrate
 
 T_S = np.arange(360) / 60
 VALUES = {"length": 0.5, "damping": 0.05, "x0": 0.8, "v0": 0.1}
-FEW = [EFFECTS["constant-force"]]
+ONE_EFFECT = [EFFECTS["constant-force"]]
 
 
 def table(theta: np.ndarray) -> Trajectory:
@@ -36,7 +36,7 @@ def stepped(theta: np.ndarray) -> np.ndarray:
     ],
 )
 def test_component_that_is_kept_reduces_the_error_over_blocks_left_out(kind, motion):
-    found = diagnose(table(motion()), "pendulum", effects=FEW, keep=[kind])
+    found = diagnose(table(motion()), "pendulum", effects=ONE_EFFECT, keep=[kind])
     assert f"kept-{kind}" in [effect.name for effect in found.added]
     assert found.sizes[f"kept_{kind.replace('-', '_')}"].value == pytest.approx(1.0, abs=0.3)
     assert found.after.heldout < 0.5 * found.before.heldout
@@ -45,4 +45,4 @@ def test_component_that_is_kept_reduces_the_error_over_blocks_left_out(kind, mot
 def test_component_that_is_not_there_is_refused_with_those_that_are():
     clip = table(integrate(MOTIONS["pendulum"], VALUES, T_S, bumpy)[:, :1])
     with pytest.raises(DataError, match="no component 'clock'; its components are force-of-velocity"):
-        diagnose(clip, "pendulum", effects=FEW, keep=["clock"])
+        diagnose(clip, "pendulum", effects=ONE_EFFECT, keep=["clock"])

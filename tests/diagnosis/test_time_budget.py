@@ -9,7 +9,7 @@ import pytest
 from iris_sysid.diagnosis.diagnose import diagnose
 from iris_sysid.diagnosis.time_budget import OutOfTime, TimeBudget
 from iris_sysid.registry import MODELS
-from tests.diagnosis.test_hold_out import FEW, NOISE, dragged, table
+from tests.diagnosis.test_hold_out import NOISE, THREE_EFFECTS, dragged, table
 
 
 @pytest.fixture(scope="module")
@@ -19,7 +19,7 @@ def clip():
 
 def test_time_that_is_over_at_once_gives_the_fit_without_effects_and_says_so(clip):
     began = time.monotonic()
-    found = diagnose(clip, "pendulum", effects=FEW, seconds=0.01)
+    found = diagnose(clip, "pendulum", effects=THREE_EFFECTS, seconds=0.01)
     assert time.monotonic() - began < 10.0  # the base fit and the errors over blocks, on a slow machine
     (note,) = [note for note in found.notes if note.kind == "stopped"]
     assert note.text == "the time allowed (0.01 s) was over; this is the best answer so far"
@@ -38,7 +38,7 @@ def test_interrupt_after_the_base_fit_gives_the_best_answer_so_far(step, clip):
             interrupted.append(text)
             raise KeyboardInterrupt
 
-    found = diagnose(clip, "pendulum", effects=FEW, progress=stop)
+    found = diagnose(clip, "pendulum", effects=THREE_EFFECTS, progress=stop)
     (note,) = [note for note in found.notes if note.kind == "stopped"]
     assert note.text == "the search was interrupted; this is the best answer so far"
     assert found.base.usable
@@ -47,7 +47,7 @@ def test_interrupt_after_the_base_fit_gives_the_best_answer_so_far(step, clip):
 
 
 def test_search_that_is_not_stopped_has_no_such_note(clip):
-    found = diagnose(clip, "pendulum", effects=FEW, seconds=600.0)
+    found = diagnose(clip, "pendulum", effects=THREE_EFFECTS, seconds=600.0)
     assert [effect.name for effect in found.added] == ["quadratic-drag"]
     assert [note for note in found.notes if note.kind == "stopped"] == []
 
@@ -57,7 +57,7 @@ def test_interrupt_while_the_base_is_fitted_is_the_users():
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        diagnose(table(dragged()), replace(MODELS["pendulum"], rhs=rhs), effects=FEW)
+        diagnose(table(dragged()), replace(MODELS["pendulum"], rhs=rhs), effects=THREE_EFFECTS)
 
 
 def test_budget_stops_at_the_share_that_is_allowed_and_not_after_its_end():

@@ -22,7 +22,8 @@ Formula = Callable[[Any, Any], Any]  # (x (n,) or (n, m), b (k,)) -> y (n,); com
 
 COMPLEX_STEP = 1e-30  # of a parameter: no difference is taken, so it may be as small as one likes
 MAX_POLISHED = 12  # minima
-NEARLY, SAME, ROUNDING = 1.5, 1e-9, 1e-12  # rms that may belong to one minimum, and that does; in units of the data
+NEAR_RMS, SAME_RMS = 1.5, 1e-9  # ratio of two rms that may belong to one minimum; relative difference of two that do
+ROUNDING = 1e-12  # in units of the data
 FLIPPED = 100.0  # a parameter of the other sign is as far as one e^10 times as large
 POLISH = 30  # repetitions from the minimum found, each at least one more step of Gauss and Newton
 REFINEMENTS = 5  # steps of Gauss and Newton with the residual in extended precision
@@ -121,14 +122,14 @@ def _best(problem: InitialValueProblem, target: Target, unknowns: Unknowns, star
     )
     deepest: list[Solution] = []
     for refined in solutions[:MAX_POLISHED]:
-        for _ in range(POLISH if refined.rms <= NEARLY * solutions[0].rms or len(deepest) < 3 else 0):
+        for _ in range(POLISH if refined.rms <= NEAR_RMS * solutions[0].rms or len(deepest) < 3 else 0):
             refined = minimise(problem, target, unknowns, refined.values)
         deepest.append(refined)
     if not deepest:
         return None
     least = min(solution.rms for solution in deepest)
     return min(
-        (solution for solution in deepest if solution.rms <= least * (1 + SAME) + ROUNDING),
+        (solution for solution in deepest if solution.rms <= least * (1 + SAME_RMS) + ROUNDING),
         key=lambda solution: _far(solution, starts[0]),
     )
 

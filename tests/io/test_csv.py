@@ -24,7 +24,7 @@ from iris_sysid.io.csv_write import (
 )
 from iris_sysid.io.files import sha256_of
 from iris_sysid.types import Estimate, Quantity, Segment, Smoothed, Track, Trajectory, symbol_of, unit_suffix
-from iris_sysid.types._arrays import LARGEST
+from iris_sysid.types._arrays import MAX_VALUE
 from iris_sysid.units import rate_of
 from tests._project import recording
 from tests.io.test_json_documents import fit_result
@@ -239,7 +239,7 @@ def test_trajectory_columns_follow_the_grammar(tmp_path):
     ]
 
 
-finite = st.floats(-LARGEST, LARGEST)
+finite = st.floats(-MAX_VALUE, MAX_VALUE)
 
 
 @settings(max_examples=60, deadline=None)

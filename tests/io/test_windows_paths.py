@@ -9,7 +9,7 @@ from iris_sysid.cli import _terminal
 from iris_sysid.errors import OutputError
 from iris_sysid.io import files
 from iris_sysid.io.files import check_writable, remove_leftovers, write_atomic
-from iris_sysid.io.windows_paths import LONGEST_PATH, length_trouble, name_trouble
+from iris_sysid.io.windows_paths import MAX_PATH, length_trouble, name_trouble
 from iris_sysid.review import server
 
 
@@ -41,7 +41,7 @@ def test_names_that_windows_takes(path):
 
 
 def test_length_of_a_path_is_remarked_on_beyond_what_windows_takes():
-    assert length_trouble(PureWindowsPath("x" * LONGEST_PATH)) == ""
+    assert length_trouble(PureWindowsPath("x" * MAX_PATH)) == ""
     assert "260 characters" in length_trouble(PureWindowsPath("x" * 260))
 
 

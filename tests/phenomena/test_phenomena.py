@@ -228,7 +228,7 @@ def test_numbered_quantities_lose_their_number():
 
 # --------------------------------------------------------------------------- bad input
 
-FEW = in_plane(np.arange(9) / 10, np.ones((9, 2)), 0.1, segments=(Segment("rest", 0, 9),))
+RESTING = in_plane(np.arange(9) / 10, np.ones((9, 2)), 0.1, segments=(Segment("rest", 0, 9),))
 MIXED = Trajectory([0, 1], (Quantity("x", "m"), Quantity("z", "px")), np.ones((2, 2)), np.ones((2, 2)), [True, True])
 _, SWING = swing(np.random.default_rng(0))
 
@@ -238,7 +238,7 @@ _, SWING = swing(np.random.default_rng(0))
     ("world", "message"),
     [
         ([], "needs the trajectory of one body, but none was given"),
-        ([FEW], "the motion has 0 samples, at least"),
+        ([RESTING], "the motion has 0 samples, at least"),
         ([MIXED], "needs x and z in the same unit, but the trajectory has x in m, z in px"),
         (
             [SWING.with_(quantities=(Quantity("x", "px"),), position=np.ones((300, 1)), sigma=np.ones((300, 1)))],

@@ -20,13 +20,20 @@ PATTERNS = {
     "so-many": (r"\bso (many|much)\b", "the number, or 'too many'"),
     "hardly": (r"\b(hardly|seldom|now and then)\b", "a number, or 'rarely'"),
     "is-said": (r"\b(is|are|was|were) (said|told)\b", "a subject that acts: 'the report states'"),
-    "looks": (r"\bby its looks\b", "'by appearance'"),
+    "looks": (r"\b(its|their|the|whose) looks\b", "'appearance'"),
     "none-of": (r"\bnone of (a|none)\b", "'not a'"),
-    "what-lies": (r"\b(what|whatever) (lies|moves|stands)\b", "the noun of what it is"),
+    "what-lies": (r"\b(what|whatever) (lies|moves|stands|is behind)\b", "the noun of what it is"),
+    "thing": (r"\b([Aa]|[Tt]he|[Aa]nother|[Oo]ther) things?\b", "'object', or the noun of what it is"),
+    "asked-for": (r"\b(is|are|was|were|than) asked for\b", "'requested'"),
+    "plainly": (r"\bplainly\b", "'clearly'"),
     "to-be-seen": (r"\bis to be seen\b", "'is visible'"),
     "most-least": (
-        r"\b((MOST|LEAST|FEWEST)(_[A-Z_]+)?|(LARGEST|SMALLEST)_[A-Z_]+)(?= = |, [A-Z_]+ = )",
+        r"\b(MOST|LEAST|FEWEST|LARGEST|SMALLEST|LONGEST|SHORTEST)(_[A-Z_]+)?(?= = |, [A-Z_]+ = )",
         "MAX_ or MIN_",
+    ),
+    "vague-name": (
+        r"\b(MOSTLY|ALMOST|NEARLY|OFTEN|SELDOM|FEW|ENOUGH|CLEARLY)(_[A-Z_]+)?(?= = |, [A-Z_]+ = )",
+        "the quantity: MIN_SHARE, MAX_BODIES",
     ),
 }
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -72,16 +79,25 @@ def test_list_of_known_places_only_shrinks():
         ("of-which", "a share of which no mean is wanted"),
         ("is-no", "an outline that is no streak"),
         ("is-said", "what is cut off is said"),
+        ("looks", "a body known by the looks"),
+        ("what-lies", "samples that show what is behind"),
+        ("thing", "the track is on another thing"),
+        ("asked-for", "fewer bodies move than asked for"),
+        ("plainly", "the body is plainly visible"),
         ("most-least", "MOST_ROWS = 5"),
         ("most-least", "FEWEST = 5"),
         ("most-least", "LARGEST_SHARE = 0.5"),
+        ("most-least", "SHORTEST, LONGEST = 4, 9"),
+        ("vague-name", "MOSTLY = 0.8"),
     ],
 )
 def test_pattern_is_found(name, text):
     assert name in patterns_in(text)
 
 
-@pytest.mark.parametrize("text", ["there is no gap", "it is no longer valid", "MAX_ROWS = 5", "no more than five"])
+@pytest.mark.parametrize(
+    "text", ["there is no gap", "it is no longer valid", "MAX_ROWS = 5", "no more than five", "one thing is missing"]
+)
 def test_plain_words_are_left_alone(text):
     assert patterns_in(text) == set()
 

@@ -168,7 +168,7 @@ def test_registered_tracker_takes_part_where_it_suits_and_wins_by_its_tracks(wit
 
 def test_fewer_marked_bodies_than_asked_for_are_refused():
     clip = moving_disc(swing(20, (64, 48), (35, 20)), 9)
-    with pytest.raises(DataError, match="2 bodies were asked for, but 1 are marked"):
+    with pytest.raises(DataError, match="2 bodies were requested, but 1 are marked"):
         AUTO.track(clip, TrackOptions(bodies=2, marks=(TrackMark("1", 10.0, 90.0, 3),)))
 
 

@@ -56,7 +56,7 @@ BAD = [
     (lambda masks: masks[:-3], {"bodies": 2}, DataError, "37 masks, but the clip has 40 frames"),
     (lambda masks: [*masks, masks[0]], {"bodies": 2}, DataError, "41 masks, but the clip has 40 frames"),
     (lambda masks: [mask[:-2] for mask in masks], {"bodies": 2}, DataError, "140x78 px, but the clip is 140x80"),
-    (lambda masks: masks, {"bodies": 3}, DataError, "3 bodies were asked for, but the masks hold 2"),
+    (lambda masks: masks, {"bodies": 3}, DataError, "3 bodies were requested, but the masks hold 2"),
     (lambda masks: [0 * mask for mask in masks], {"bodies": 1}, TrackingError, "masks are empty"),
 ]
 

@@ -382,7 +382,7 @@ BAD = [
     (still_clip, {}, TrackingError, "nothing moves"),
     (faint_clip, {}, TrackingError, "nothing moves .* beyond the noise"),
     (lambda: still_clip(2), {}, TrackingError, "2 frame.* at least 3"),
-    (swinging, {"bodies": 2}, TrackingError, "2 bodies were asked for, but only 1"),
+    (swinging, {"bodies": 2}, TrackingError, "2 bodies were requested, but only 1"),
     (swinging, {"bodies": 0}, DataError, "bodies = 0"),
     (swinging, {"roi": (0, 0, 500, 50)}, DataError, r"width=500.*160 px wide and 96 px high"),
     (swinging, {"roi": (10, 10, 0, 5)}, DataError, "width=0"),

@@ -8,11 +8,11 @@ from scipy.ndimage import distance_transform_edt
 
 from iris_sysid.types import Frame
 from trackers._background.median import BackgroundEstimate
-from trackers._detection.blob_kernels import BLOB_SHARE, INSCRIBED, THINNEST, cut_at, peak_of
+from trackers._detection.blob_kernels import BLOB_SHARE, INSCRIBED, MIN_INSCRIBED, cut_at, peak_of
 from trackers._detection.coded_planes import plane_limits_of
 from trackers._detection.connected import connected_parts, filled_round
 from trackers._detection.depth import depth_of
-from trackers._detection.foreground import SMALLEST_SUPPORT, SQUARE, background_range_of, components
+from trackers._detection.foreground import MIN_SUPPORT, SQUARE, background_range_of, components
 from trackers._detection.small_images import blurred, chamfer, dilated, gaussian, opened, quantile, shrunk, stretched
 from trackers._detection.window_kernels import looks_of, moments_of_difference, paste
 from trackers._frames.working_image import View
@@ -123,7 +123,7 @@ def test_components_in_windows_are_those_of_the_whole_image(channels):
     closed = cv2.morphologyEx(weak.astype(np.uint8), cv2.MORPH_CLOSE, SQUARE)
     count, labels, stats, _ = cv2.connectedComponentsWithStats(closed, connectivity=8)
     support = np.bincount(labels[strong], minlength=count)
-    known = [label for label in range(1, count) if support[label] >= SMALLEST_SUPPORT]
+    known = [label for label in range(1, count) if support[label] >= MIN_SUPPORT]
     found = list(components(background_range, image))
     assert len(known) >= 2
     assert [(part.left, part.top) for part in found] == [tuple(stats[label][:2].tolist()) for label in known]
@@ -181,7 +181,7 @@ def parts_by_scipy(mask, level, faintest, smallest):
         depth = distance_transform_edt(np.pad(whole, 1))[1:-1, 1:-1].astype(np.float32)
         if np.count_nonzero(whole) < smallest:
             continue
-        if depth.max() < THINNEST:
+        if depth.max() < MIN_INSCRIBED:
             parts.append((whole, depth.max()))
             continue
         cut = BLOB_SHARE * depth.max()

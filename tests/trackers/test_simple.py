@@ -56,7 +56,7 @@ def test_colour_is_followed_at_rest():
     ("options", "message"),
     [
         ({}, "name it with --colour"),
-        ({"colour": "cyan"}, "1 bodies of the colour cyan were asked for, but 0 can be seen"),
+        ({"colour": "cyan"}, "1 bodies of the colour cyan were requested, but 0 can be seen"),
     ],
 )
 def test_colour_that_is_not_given_or_not_there_is_refused(options, message):

@@ -195,7 +195,7 @@ def test_link_options_that_mean_nothing_are_refused(options, message):
 
 
 def test_fewer_tracks_than_bodies_are_refused_with_what_helps():
-    with pytest.raises(TrackingError, match="2 bodies were asked for, but 1"):
+    with pytest.raises(TrackingError, match="2 bodies were requested, but 1"):
         link(seen([swing(N, (80, 48), (45, 20))]), LinkOptions(bodies=2))
     nothing = DrawnClip(noisy([np.full(SHAPE, 90.0)] * 8, 2.0))
     with pytest.raises(TrackingError, match="0 tracks have 3 detections"):

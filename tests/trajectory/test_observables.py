@@ -78,7 +78,7 @@ def test_clip_in_which_nothing_changes_is_refused(name):
 
 
 def test_level_refuses_what_passes_by():
-    with pytest.raises(TrackingError, match="no surface of a liquid"):
+    with pytest.raises(TrackingError, match="not the surface of a liquid"):
         tracked("level", moving_disc(swing(40, (80, 60), (60, 0), period=20), 14, SHAPE))
 
 

@@ -22,9 +22,9 @@ from trackers._frames.working_image import View
 LUMA_SHIFT, CHROMA_SHIFT = 4, 2  # bits: 16 steps of luma, 64 of each colour difference
 SHAPE = (16, 64, 64)
 SMOOTHING = (0.8, 1.0, 1.0)  # bins: lighting and compression shift a colour by about one
-STRONGEST = 3.0  # log ratio: one pixel tells no more than this
-FLOOR = 2e-5  # probability of any colour: what was never seen is no proof
-HEART = 0.75  # of the radius: pixels nearer to the outline are mixed
+MAX_LOG_RATIO = 3.0  # of one pixel
+FLOOR = 2e-5  # least probability of any colour: one that was never seen proves nothing
+CORE = 0.75  # of the radius: pixels nearer to the outline are mixed
 SURROUNDINGS = 2.2  # times the radius: half the side of the square round a body that is compared with it
 SURROUND_WEIGHT = 0.6
 MAX_PEAKS = 8  # a frame
@@ -98,7 +98,7 @@ def _blurred(counts: Image, sigma: float) -> Image:
 def learn(images: Sequence[Bytes], places: Sequence[tuple[float, float] | None], radius: float) -> Appearance:
     """The appearance of a body of that radius (px) whose place in some search images (h, w, 3) is known.
 
-    ``places`` are centres in px; None where the body's place is not known: that image tells nothing.
+    ``places`` are centres in px; None where the body's place is not known: that image is left out.
     """
     inside: list[Bytes] = []
     outside: list[Bytes] = []
@@ -109,21 +109,21 @@ def learn(images: Sequence[Bytes], places: Sequence[tuple[float, float] | None],
         inside.append(image[body])
         scene = image[~near]
         outside.append(scene[:: max(1, len(scene) // 20_000)])
-        ring = near & ~_parts(image.shape[:2], place, 1.3 * radius / HEART)[0]
+        ring = near & ~_parts(image.shape[:2], place, 1.3 * radius / CORE)[0]
         outside += [image[ring]] * 2  # what the body moves before counts more than what is far off
     ratio = np.log((histogram(np.concatenate(inside)) + FLOOR) / (histogram(np.concatenate(outside)) + FLOOR))
-    return Appearance(np.clip(ratio, -STRONGEST, STRONGEST).astype(np.float32).ravel(), radius)
+    return Appearance(np.clip(ratio, -MAX_LOG_RATIO, MAX_LOG_RATIO).astype(np.float32).ravel(), radius)
 
 
 def _parts(shape: tuple[int, ...], place: tuple[float, float], radius: float) -> tuple[Flags, Flags]:
     """Pixels well inside of a body, and those within twice its radius."""
     y, x = np.ogrid[: shape[0], : shape[1]]
     distance = (x - place[0]) ** 2 + (y - place[1]) ** 2
-    return np.asarray(distance <= max(1.0, (HEART * radius) ** 2)), np.asarray(distance <= (2 * radius + 2) ** 2)
+    return np.asarray(distance <= max(1.0, (CORE * radius) ** 2)), np.asarray(distance <= (2 * radius + 2) ** 2)
 
 
 def search_image(view: View, frame: Frame) -> Bytes:
-    """The image in which bodies are looked for by their looks: luma and chroma at the size of the search."""
+    """The image in which bodies are searched by appearance: luma and chroma at the size of the search."""
     return view.with_chroma().search_image(frame)
 
 

@@ -10,11 +10,11 @@ import numpy as np
 from iris_sysid.types import Array
 from trackers._auto.appearance import Peaks
 
-LONGEST_GAP = 12  # frames over which two places are joined directly
+MAX_GAP = 12  # frames over which two places are joined directly
 MISSED = 0.35  # cost of a frame in which the body is not found, in units of the score of a typical place
 STEP = 0.3  # cost of a step as long as the reach
-LEAP = 4.0  # largest cost of a step, however far
-RESTART = 2.0  # cost of going on after a longer gap: three frames in which the body is plainly seen are worth it
+MAX_STEP_COST = 4.0  # largest cost of a step, however far
+RESTART = 2.0  # cost of going on after a longer gap: three frames that clearly show the body outweigh it
 MARKED = 1000.0  # gain of a place at a mark
 
 
@@ -27,7 +27,7 @@ class Steps:
     def cost(self, before: Array, after: Array, frames: int) -> Array:
         """Costs (k, l) of going from places (k, 2) to places (l, 2) in that number of frames."""
         apart = np.linalg.norm(after[np.newaxis] - before[:, np.newaxis], axis=2)
-        return np.minimum(LEAP, STEP * (apart / (self.reach * frames)) ** 2)
+        return np.minimum(MAX_STEP_COST, STEP * (apart / (self.reach * frames)) ** 2)
 
 
 def best_path(candidates: Sequence[Peaks], reach: float) -> list[int | None]:
@@ -55,14 +55,14 @@ def best_path(candidates: Sequence[Peaks], reach: float) -> list[int | None]:
         gains = np.minimum(peaks.score / typical, 1.5 if not _marked(peaks) else np.inf) - MISSED
         total = gains.copy()
         origin: list[tuple[int, int] | None] = [None] * len(gains)
-        earlier = k - LONGEST_GAP - 1
+        earlier = k - MAX_GAP - 1
         if earlier >= 0 and len(totals[earlier]):
             at = int(np.argmax(totals[earlier]))
             if champion is None or totals[earlier][at] > champion[0]:
                 champion = (float(totals[earlier][at]), earlier, at)
         if champion is not None and len(gains):
             _improve(total, origin, gains + champion[0] - RESTART, np.full(len(gains), champion[2]), champion[1])
-        for before in range(max(0, k - LONGEST_GAP), k):
+        for before in range(max(0, k - MAX_GAP), k):
             if not len(totals[before]) or not len(gains):
                 continue
             cost = steps.cost(candidates[before].xy, peaks.xy, k - before)

@@ -18,7 +18,7 @@ from trackers._frames.arrays import Bytes
 from trackers._frames.working_image import View
 
 LEARNED = 0.8  # of the inscribed radius at the size of the search, which includes the blurred outline
-LARGEST_MARKED = 0.25  # of the smaller side of the image: the radius of a marked body
+MAX_MARKED_RADIUS = 0.25  # of the smaller side of the image: the radius of a marked body
 GROWTH = 1.12  # ratio of the radii that are tried
 CLICKED = 2.0  # px of the search image: pixels round a click that are surely of the body
 
@@ -36,7 +36,7 @@ class TrackingStrategy:
 
 
 def ways_by_looks(video: FrameSource, scene: SampledScene, options: TrackOptions) -> list[TrackingStrategy]:
-    """Following the likeliest things that move by their looks: as many of each kind as are seen at once."""
+    """Following the likeliest objects that move, by appearance: as many of each kind as are seen at once."""
     bodies = [body for kind in scene.kinds for body in [body_like(kind, scene.images)] * _count(kind)]
     ways = []
     for start in range(max(1, len(bodies) - options.bodies + 1)):
@@ -56,22 +56,22 @@ def _by_looks(
 
 
 def _count(kind: ObjectClass) -> int:
-    """How many things of a kind are usually seen at once."""
+    """How many objects of a kind are usually seen at once."""
     return max(1, round(len(kind.seen) / len(kind.samples)))
 
 
 def body_like(kind: ObjectClass, images: Sequence[Bytes]) -> Body:
-    """A body that looks like the things of a kind, seen in the search images (h, w, 3) of a scene."""
-    of_sample: dict[int, tuple[float, float]] = {thing.sample: (thing.x, thing.y) for thing in kind.seen}
+    """A body that looks like the objects of a kind, seen in the search images (h, w, 3) of a scene."""
+    of_sample: dict[int, tuple[float, float]] = {sighting.sample: (sighting.x, sighting.y) for sighting in kind.seen}
     radius = max(1.5, LEARNED * float(kind.typical("inscribed")))
     return Body("1", learn(images, [of_sample.get(k) for k in range(len(images))], radius), {})
 
 
 def way_by_marks(video: FrameSource, view: View, options: TrackOptions) -> TrackingStrategy:
-    """Following what is at the marks; DataError when not every body is marked, or a mark is not in the clip."""
+    """Following the bodies at the marks; DataError when not every body is marked, or a mark is not in the clip."""
     marks = marks_by_body(options.marks)
     if len(marks) < options.bodies:
-        raise DataError(f"{options.bodies} bodies were asked for, but {len(marks)} are marked; mark each, or none")
+        raise DataError(f"{options.bodies} bodies were requested, but {len(marks)} are marked; mark each, or none")
     return TrackingStrategy(
         "marks", lambda: follow_appearance(video, view, _marked_bodies(video, view, marks), options)
     )
@@ -118,10 +118,10 @@ def _marked_body(view: View, name: str, marks: Sequence[TrackMark], images: dict
 
 
 def radius_at(image: Bytes, place: tuple[float, float]) -> float:
-    """Radius in px of the thing at a place of a search image (h, w, 3): where its colour ends most plainly."""
+    """Radius in px of the object at a place of a search image (h, w, 3): where its colour changes most."""
     rows, columns = np.ogrid[: image.shape[0], : image.shape[1]]
     distance: Array = np.hypot(columns - place[0], rows - place[1])
-    largest = LARGEST_MARKED * min(image.shape[:2])
+    largest = MAX_MARKED_RADIUS * min(image.shape[:2])
     near = distance <= 2 * largest
     colours, away = image[near].astype(np.float64), distance[near]
     colour = np.median(colours[away <= CLICKED], axis=0)

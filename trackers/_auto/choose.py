@@ -21,8 +21,8 @@ from trackers._linking.frame_to_frame import Tracklet
 from trackers._linking.moving_bodies import MovingBodies, follow, is_apart, is_marked
 
 SAMPLES = 40  # as many as the background is made of
-FEW = 3  # bodies: of more, each is too like the others to be known by its looks
-MAX_WAYS, NEXT = 3, 2  # by looks; further things that move before the still background
+MAX_BODIES = 3  # more bodies are too alike to be followed by appearance
+MAX_WAYS, NEXT = 3, 2  # ways by appearance; further objects that move before the still background
 FIRST = "median-background"
 
 
@@ -79,7 +79,7 @@ class TrackerSelection:
         return self._moving.among(self.video, self.options, meant).tracks("auto", self.options)
 
     def filled(self, candidate: TrackCandidate) -> TrackingStrategy:
-        """The tracks of a candidate with their gaps filled by the looks of the bodies."""
+        """The tracks of a candidate with their gaps filled by the appearance of the bodies."""
         tracks = candidate.tracks
         others = [[other for other in tracks if other is not track] for track in tracks]
         return TrackingStrategy(
@@ -134,7 +134,7 @@ def _ways(choice: TrackerSelection) -> Iterator[TrackingStrategy]:
     """The ways that suit the options; later ones are prepared only when they are needed."""
     video, options, scene = choice.video, choice.options, choice.scene
     yield TrackingStrategy(FIRST, choice.first)
-    if options.mask is not None or (options.bodies > FEW and not options.marks):
+    if options.mask is not None or (options.bodies > MAX_BODIES and not options.marks):
         return
     if options.marks:
         yield way_by_marks(video, scene.view, options)

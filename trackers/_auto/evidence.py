@@ -14,31 +14,31 @@ from trackers._auto.survey import WEIGHTS, ObjectClass, any_near, blob_at, colou
 from trackers._frames.arrays import Bytes, Flags
 from trackers._frames.working_image import View
 
-HEART, RING = 0.7, (1.4, 2.2)  # radii: inside of a body, and its surroundings
-SMALLEST_HEART = 1.5  # px
-LIKE_THE_BODY = 0.45  # of the way from the surroundings' colour to the body's: nearer to the surroundings is not it
-# grey levels, luma counting a third: so far from the body's colour is another thing, however far it is from the
-# surroundings' colour as well; light along the path changes a colour by less. Chosen on marked clips; two tracks
-# swapped halfway (a synthetic pair, 1280x720, seed 8101) are told apart by 10 to 90 alike
+CORE, RING = 0.7, (1.4, 2.2)  # radii: inside of a body, and its surroundings
+MIN_CORE = 1.5  # px
+LIKE_THE_BODY = 0.45  # of the way from the surroundings' colour to the body's: a nearer patch is not the body
+# grey levels, luma counting a third: a patch farther from the body's colour is of another object, however far it is
+# from the surroundings' colour as well; light along the path changes a colour by less. Chosen on marked clips; values
+# of 10 to 90 find that two tracks are swapped halfway (a synthetic pair, 1280x720, seed 8101)
 ANOTHER = 30.0
-MIN_INFORMATIVE_CONTRAST = 6.0  # grey levels: less contrast tells nothing
+MIN_INFORMATIVE_CONTRAST = 6.0  # grey levels: a patch with less contrast is left out
 MIN_PATCHES = 4
 LEAP_RADII, LEAP_SPEEDS = 4.0, 5.0  # a step longer than both is a leap: radii, and times the usual step thereabouts
 NEIGHBOURS = 6  # steps before and after
-# px, median change of the radius: what lies behind a small body changes its outline by half a pixel (a ball of 3.5 px
-# before a room)
+# px, median change of the radius: the background behind a small body changes its outline by half a pixel (a ball of
+# 3.5 px before a room)
 UNSTEADY_PX = 0.75
-LONG_GAP = 5  # frames without any body, over which paths no longer tell which is which
+LONG_GAP = 5  # frames without any body, over which paths no longer identify the bodies
 TOGETHER = 1.5  # radii: nearer than this two tracks are of one body
-PART = 3.0  # times the tracked area: of so large a thing the track is a part
-ON_TRACK = 0.3  # share of the sightings of a kind that lie on the track: fewer, and another thing is followed
+PART = 3.0  # times the tracked area: the track is a part of a larger object
+ON_TRACK = 0.3  # share of the sightings of a kind that lie on the track: with fewer, the track follows another object
 MIN_SIGHTINGS = 0.3  # share of the samples, for a kind that might be the body
-MAX_REST = 0.5  # share of the samples: a body at rest for longer is to be followed there too
+MAX_REST = 0.5  # share of the samples: a body that rests for longer must be followed there too
 MARK_RADII, MARK_PX = 1.0, 4.0  # how far a track may pass from a mark: radii, and px at least
 
 
 def evidence_against(track: Track, scene: SampledScene, others: Sequence[Track] = ()) -> dict[str, float]:
-    """What speaks against a track, by name, each from 0 to 1; ``coverage`` beside it, which is no evidence.
+    """What speaks against a track, by name, each from 0 to 1; ``coverage`` beside it, which is not evidence.
 
     Parameters
     ----------
@@ -148,7 +148,7 @@ def _patch(view: View, frame: Frame, place: Array, radius: float) -> tuple[Array
     image: Bytes = view.with_chroma().part(frame, (left, top, right, bottom), step)
     rows, columns = np.ogrid[top:bottom, left:right]
     distance = (columns - x) ** 2 + (rows - y) ** 2
-    heart: Flags = np.asarray(distance <= max(HEART * size, SMALLEST_HEART) ** 2)
+    heart: Flags = np.asarray(distance <= max(CORE * size, MIN_CORE) ** 2)
     ring: Flags = np.asarray((distance >= (RING[0] * size + 1) ** 2) & (distance <= (RING[1] * size + 1) ** 2))
     if np.count_nonzero(heart) < 3 or np.count_nonzero(ring) < 6:
         return None
@@ -156,7 +156,7 @@ def _patch(view: View, frame: Frame, place: Array, radius: float) -> tuple[Array
 
 
 def held_rows(track: Track) -> Mask:
-    """Where (n,) a hand, or what else reaches in from the edge, touches the body."""
+    """Where (n,) a hand, or another object that reaches in from the edge, touches the body."""
     return np.zeros(track.valid.size, np.bool_) if track.hand is None else track.hand
 
 
@@ -223,12 +223,12 @@ def gap_share(track: Track) -> float:
 
 
 def held_share(track: Track) -> float:
-    """Share of the frames with the body in which a hand, or what else reaches in from the edge, touches it."""
+    """Share of the frames with the body in which a hand, or another object from the edge, touches it."""
     return float(np.mean(held_rows(track)[track.valid])) if track.n_valid else 0.0
 
 
 def _blobs_at(track: Track, scene: SampledScene, places: Mapping[int, Place]) -> tuple[float, float, float]:
-    """How ragged what moves at the track is, and in which shares of samples it is far larger, or joined to the edge."""
+    """How ragged the moving blob at the track is, and in which shares of samples it is far larger, or at the edge."""
     found = [blob_at(scene.foregrounds[k], at) for k, at in places.items()]
     blobs = [blob for blob in found if blob is not None]
     if len(blobs) < MIN_PATCHES:
@@ -252,13 +252,13 @@ def _where_nothing_moves(track: Track, scene: SampledScene, places: Mapping[int,
 
 
 def missed(track: Track, scene: SampledScene, others: Sequence[Track]) -> float:
-    """Share of the samples that show the body in which it is plainly to be seen and the track has lost it."""
+    """Share of the samples that show the body in which it is clearly visible and the track has lost it."""
     seen = samples_missed(track, scene, others)
     return len(seen) / (len(scene.places(track)) + len(seen)) if seen else 0.0
 
 
 def samples_missed(track: Track, scene: SampledScene, others: Sequence[Track]) -> list[int]:
-    """The samples in which the body is plainly to be seen and the track has lost it."""
+    """The samples in which the body is clearly visible and the track has lost it."""
     held, rows, places = held_rows(track), scene.rows(track), scene.places(track)
     lost = [k for k, row in rows.items() if not track.valid[row] and not held[row]]
     if len(places) < MIN_PATCHES or not lost or track.radius_px is None:
@@ -271,7 +271,7 @@ def samples_missed(track: Track, scene: SampledScene, others: Sequence[Track]) -
 def _plainly_seen(
     scene: SampledScene, places: Mapping[int, Place], reach: float, lost: Sequence[int], others: Sequence[Track]
 ) -> dict[int, Place]:
-    """Where the things at some places of the samples are visible in others: px of the frame, by sample number."""
+    """Where the objects at some places of the samples are visible in others: px of the frame, by sample number."""
     known = known_looks(scene.images, places, reach / scene.view.step)
     moving: dict[int, Place] = {}
     still: dict[int, Place] = {}
@@ -305,7 +305,7 @@ def _spread(places: Sequence[Place]) -> float:
 
 
 def rival(scene: SampledScene, track: Track, others: Sequence[Track]) -> tuple[float, ObjectClass | None]:
-    """How much more than the track another thing looks like a body that moves (0 not at all, 1), and that thing."""
+    """How much more than the track another object looks like a moving body (0 not at all, 1), and its class."""
     share = {id(kind): _share_on(scene, kind, [track]) for kind in scene.kinds}
     own = max((kind.salience for kind in scene.kinds if share[id(kind)] > ON_TRACK), default=0.0)
     rivals = [
@@ -323,10 +323,10 @@ def rival(scene: SampledScene, track: Track, others: Sequence[Track]) -> tuple[f
 def _share_on(scene: SampledScene, kind: ObjectClass, tracks: Sequence[Track]) -> float:
     """Share of the sightings of a kind that lie on one of the tracks."""
     on = 0
-    for thing in kind.seen:
-        place = scene.view.in_frame(thing.x, thing.y)
-        reach = max(thing.radius, 3.0) * scene.view.step
-        on += any(passes(track, scene.frames[thing.sample].index, place, reach) for track in tracks)
+    for sighting in kind.seen:
+        place = scene.view.in_frame(sighting.x, sighting.y)
+        reach = max(sighting.radius, 3.0) * scene.view.step
+        on += any(passes(track, scene.frames[sighting.sample].index, place, reach) for track in tracks)
     return on / len(kind.seen)
 
 

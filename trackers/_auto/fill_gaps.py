@@ -1,4 +1,4 @@
-"""Gaps of a track filled by the body's looks: where it touches its shadow the outline no longer tells where it is."""
+"""Gaps of a track filled by the body's appearance: its outline is lost where it touches its shadow."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from trackers._frames.working_image import View
 
 
 def with_gaps_filled(video: FrameSource, scene: SampledScene, track: Track, others: Sequence[Track] = ()) -> Track:
-    """A track with its gaps filled where the body is plainly to be seen on a path from end to end of the gap.
+    """A track with its gaps filled where the body is clearly visible on a path from end to end of the gap.
 
-    Its outline told too little there, or there would be no gap: such a position is known to a third of the radius.
+    Its outline gave no position there: such a position is known to a third of the radius.
 
     Parameters
     ----------
     video
         The clip; it is read once.
     scene
-        The samples in which the looks of the body are learned, and the region to look at.
+        The samples in which the appearance of the body is learned, and the region of interest.
     track
-        Of the body, with its radii. Frames in which it is held are no gaps.
+        Of the body, with its radii. Frames in which it is held are not gaps.
     others
         Of other bodies: where one of them is, this one is not.
     """

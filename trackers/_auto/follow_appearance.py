@@ -1,4 +1,4 @@
-"""Bodies followed by their looks through a whole clip: places in each frame, the best path, then a measured centre.
+"""Bodies followed by appearance through a whole clip: places in each frame, the best path, then a measured centre.
 
 Needs no still background: the camera may move, and the body may rest or be hidden for a while. The clip is read twice.
 """
@@ -27,15 +27,15 @@ from trackers._linking.to_track import track_of
 
 REACH_RADII, REACH_SHARE = 4.0, 0.05  # of the radius, of the diagonal: how far a fast body goes in a frame
 WINDOW = 2.5  # radii: half the side of the window in which a body is measured
-LARGEST = 1.9  # times the radius: what is larger is not the body alone
+MAX_RADIUS_RATIO = 1.9  # times the radius: a larger blob is not the body alone
 APART = 1.5  # radii: two bodies are not nearer to each other
 MIN_DETECTIONS = 3  # detections
-ROUGH = 0.35  # of the radius: standard error of a position by the looks alone
+ROUGH = 0.35  # of the radius: standard error of a position by appearance alone
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Body:
-    """One body to follow: name, looks, and where it is known to be, (x, y) px of the frame by frame number."""
+    """One body to follow: name, appearance, and where it is known to be, (x, y) px of the frame by frame number."""
 
     name: str
     appearance: Appearance
@@ -50,16 +50,16 @@ def follow_appearance(video: FrameSource, view: View, bodies: Sequence[Body], op
     video
         The clip.
     view
-        The region to look at.
+        The region of interest.
     bodies
-        What to follow.
+        The bodies to follow.
     options
         For progress, and as the origin.
 
     Raises
     ------
     TrackingError
-        When a body is found in hardly any frame.
+        When a body is found in fewer than three frames.
     """
     view = view.with_chroma()
     numbers: list[int] = []
@@ -83,7 +83,9 @@ def follow_appearance(video: FrameSource, view: View, bodies: Sequence[Body], op
         all_detections.append(FrameDetections(frame.index, frame.t_s, (), ()))
     for body, detections in zip(bodies, tracklets, strict=True):
         if len(detections) < MIN_DETECTIONS:
-            raise TrackingError(f"body {body.name} is found by its looks in {len(detections)} of {len(numbers)} frames")
+            raise TrackingError(
+                f"body {body.name} is found by appearance in {len(detections)} of {len(numbers)} frames"
+            )
     origin = {"tracker": "appearance", "bodies": len(bodies), "roi": options.roi, "colour": options.colour}
     return [
         track_of(Tracklet(detections), all_detections, body.name, dict(origin))
@@ -119,7 +121,7 @@ def _without(places: Peaks, taken: Sequence[tuple[float, float]], body: Body) ->
 def measured_at(
     view: View, frame: Frame, image: Bytes, appearance: Appearance, place: tuple[float, float]
 ) -> Detection | None:
-    """The body that lies at a place of the search image, measured against its surroundings; None where none does."""
+    """The body at a place of the search image, measured against its surroundings; None where none does."""
     height, width = image.shape[:2]
     reach = WINDOW * appearance.radius + 4
     left, top = (max(0, int(c - reach)) for c in place)
@@ -142,7 +144,7 @@ def measured_at(
 
 
 def roughly_at(view: View, frame: Frame, image: Bytes, appearance: Appearance, place: tuple[float, float]) -> Detection:
-    """The body at a place where its outline cannot be told from the surroundings: known to a third of its radius."""
+    """The body at a place where its outline merges with the surroundings: known to a third of its radius."""
     radius = appearance.radius * view.step
     x, y = view.in_frame(*place)
     brightness = float(image[round(place[1]), round(place[0]), 0])
@@ -155,7 +157,7 @@ def roughly_at(view: View, frame: Frame, image: Bytes, appearance: Appearance, p
 def _near(shape: tuple[int, ...], place: tuple[float, float], radius: float) -> Bytes:
     """Pixels of a window that may be of the body at a place."""
     y, x = np.ogrid[: shape[0], : shape[1]]
-    return np.asarray((x - place[0]) ** 2 + (y - place[1]) ** 2 <= (LARGEST * radius + 2) ** 2)
+    return np.asarray((x - place[0]) ** 2 + (y - place[1]) ** 2 <= (MAX_RADIUS_RATIO * radius + 2) ** 2)
 
 
 def _blob_at(

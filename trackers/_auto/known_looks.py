@@ -1,4 +1,4 @@
-"""A body known from its places in the samples: where else it is plainly to be seen, and what is scenery."""
+"""A body known from its places in the samples: where else it is clearly visible, and which places are scenery."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from trackers._auto.scene import Place
 from trackers._frames.arrays import Bytes, Image
 
 SCENERY = 0.5  # share of the samples with the body elsewhere: a place that looks like it there too is scenery
-PLAIN = 0.75  # of the usual score of the body: chance does not look so plain
+PLAIN = 0.75  # of the usual score of the body: chance rarely reaches it
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class KnownLooks:
-    """What a tracked body looks like, the smallest score of a place that is plainly it, and where it is in the samples.
+    """Appearance of a tracked body, the smallest score of a place that clearly shows it, and its places in the samples.
 
     ``maps`` are the scores (h, w) of the search images, ``places`` where the body is in them, by the sample's number.
     """
@@ -28,7 +28,7 @@ class KnownLooks:
     places: Mapping[int, Place]
 
     def plainly_in(self, image: Bytes) -> Peaks:
-        """The places of a search image (h, w, 3) that are plainly the body and no scenery, the best first."""
+        """The places of a search image (h, w, 3) that clearly show the body and not scenery, the best first."""
         peaks = self.looks.peaks(image, self.plain)
         at = [(float(x), float(y)) for x, y in peaks.xy]
         kept = [not is_scenery(self.maps, self.places, place, self.looks.radius, self.plain) for place in at]
@@ -36,7 +36,7 @@ class KnownLooks:
 
 
 def known_looks(images: Sequence[Bytes], places: Mapping[int, Place], radius: float) -> KnownLooks:
-    """The looks of a body of that radius, from its places (x, y) in some of the sampled search images, all in px."""
+    """The appearance of a body of that radius, from its places (x, y) in some sampled search images, all in px."""
     shown = {k: images[k] for k in places}
     looks = learn(list(shown.values()), list(places.values()), max(1.5, radius))
     maps = {k: looks.score_map(image) for k, image in shown.items()}

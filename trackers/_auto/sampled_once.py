@@ -10,7 +10,7 @@ from iris_sysid.types import Frame, FrameSource
 
 @dataclass(eq=False)
 class SampledOnce:
-    """A clip whose sampled frames are read once, however often they are asked for."""
+    """A clip whose sampled frames are read once, however often they are requested."""
 
     video: FrameSource
     _samples: dict[int, list[Frame]] = field(default_factory=dict)

@@ -22,7 +22,7 @@ Place = tuple[float, float]
 class SampledScene:
     """The sampled frames of a clip; what they show is worked out once, when it is first needed.
 
-    ``view`` is the region looked at.
+    ``view`` is the region of interest.
     """
 
     view: View
@@ -40,7 +40,7 @@ class SampledScene:
 
     @cached_property
     def kinds(self) -> list[ObjectClass]:
-        """The kinds of things that move, the likeliest body first."""
+        """The kinds of objects that move, the likeliest body first."""
         return kinds_of(self.images, *self._survey)
 
     @cached_property

@@ -1,4 +1,4 @@
-"""What moves in a clip, from sampled frames: compact things by colour and size, and how often they are seen."""
+"""What moves in a clip, from sampled frames: compact objects by colour and size, and how often they are seen."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from trackers._detection.foreground import Blob, background_range_of, blobs
 from trackers._frames.ahead import ahead
 from trackers._frames.arrays import Bytes, Flags, Image
 
-THINNEST = 2.0  # px, inscribed radius at the size of the search
-ALIKE = 16.0  # grey levels, luma counting a third: colours of one kind of thing
-ALIKE_SIZE = 2.0  # times: sizes of one kind of thing
+MIN_INSCRIBED = 2.0  # px, inscribed radius at the size of the search
+ALIKE = 16.0  # grey levels, luma counting a third: colours of one kind of object
+ALIKE_SIZE = 2.0  # times: sizes of one kind of object
 WEIGHTS = np.array([0.35, 1.0, 1.0])  # of luma, red and blue in a difference of colours: light changes the luma
 MIN_CONTRAST = 5.0  # grey levels, of colour and luma together
 SHADOW_RANGE = (0.3, 0.97)  # of the light that remains in a shadow
-SHADOW_CHROMA = 3.5  # grey levels: so far may a shadow's chroma be from that of the wall in less light
+SHADOW_CHROMA = 3.5  # grey levels: largest difference of a shadow's chroma from that of the wall in less light
 SEEN_OFTEN = 0.2  # of the samples
-LARGEST = 0.3  # of the smaller side of the image: the radius of a body
+MAX_RADIUS = 0.3  # of the smaller side of the image: the radius of a body
 MAX_KINDS = 4
 
 
 @dataclass(frozen=True, slots=True)
 class SampledObject:
-    """A compact thing in one sampled frame: centre and radius in px of the search image, colours (luma, red, blue).
+    """A compact object in one sampled frame: centre and radius in px of the search image, colours (luma, red, blue).
 
     ``around`` is the colour just outside of it; ``roundness`` is 1 for a disc, ``inscribed`` the inscribed radius.
     """
@@ -56,25 +56,25 @@ class SampledObject:
 
 @dataclass(eq=False)
 class ObjectClass:
-    """Things of one colour and size that were seen in the samples."""
+    """Objects of one colour and size that were seen in the samples."""
 
     seen: list[SampledObject] = field(default_factory=list)
 
     def typical(self, name: str) -> Array:
         """Median of a property."""
-        return np.asarray(np.median([getattr(thing, name) for thing in self.seen], axis=0))
+        return np.asarray(np.median([getattr(sighting, name) for sighting in self.seen], axis=0))
 
     @property
     def samples(self) -> set[int]:
         """The samples in which it is seen."""
-        return {thing.sample for thing in self.seen}
+        return {sighting.sample for sighting in self.seen}
 
     @property
     def salience(self) -> float:
         """How much it is like a body that is meant: seen often, distinct in colour, round, going far; no shadow."""
-        travel = float(np.hypot(*np.ptp([(thing.x, thing.y) for thing in self.seen], axis=0)))
+        travel = float(np.hypot(*np.ptp([(sighting.x, sighting.y) for sighting in self.seen], axis=0)))
         radius = float(self.typical("radius"))
-        shadow = 0.1 if bool(np.mean([thing.shadow_like for thing in self.seen]) > 0.5) else 1.0
+        shadow = 0.1 if bool(np.mean([sighting.shadow_like for sighting in self.seen]) > 0.5) else 1.0
         going = min(1.0, travel / (3 * radius))
         distinct = min(float(self.typical("contrast")), 60.0)
         return len(self.samples) * distinct * float(self.typical("roundness")) ** 2 * going * shadow
@@ -98,7 +98,7 @@ def looks_like_shadow(colour: Array, around: Array) -> bool:
 
 
 def kinds_of(images: Sequence[Bytes], still: Image, foregrounds: Sequence[Sequence[Blob]]) -> list[ObjectClass]:
-    """The kinds of things that move in sampled search images (h, w, 3), the likeliest body first.
+    """The kinds of objects that move in sampled search images (h, w, 3), the likeliest body first.
 
     Parameters
     ----------
@@ -114,9 +114,9 @@ def kinds_of(images: Sequence[Bytes], still: Image, foregrounds: Sequence[Sequen
             left, top, right, bottom = blob.box
             covered[top:bottom, left:right] |= blob.mask
         for blob in foreground:
-            thing = _seen(number, blob, image, still, covered)
-            if thing is not None:
-                _sort_in(kinds, thing)
+            sighting = _seen(number, blob, image, still, covered)
+            if sighting is not None:
+                _sort_in(kinds, sighting)
     often = [kind for kind in kinds if len(kind.samples) >= max(3, SEEN_OFTEN * len(images))]
     return sorted(often, key=lambda kind: -kind.salience)[:MAX_KINDS]
 
@@ -163,12 +163,12 @@ def _levelled(image: Bytes, still: Image) -> Bytes:
 
 
 def _seen(number: int, blob: Blob, image: Bytes, still: Image, covered: Bytes) -> SampledObject | None:
-    """A blob as a thing that is there; where the background shows a body that has left, that body elsewhere is meant.
+    """A blob as an object that is there; not the place that a body has left, where the background still shows it.
 
     None where it is too thin, too large, at the edge, or no different from its surroundings.
     """
-    largest = LARGEST * min(image.shape[:2])
-    if blob.at_edge or blob.held or blob.inscribed < THINNEST or np.sqrt(blob.area / np.pi) > largest:
+    largest = MAX_RADIUS * min(image.shape[:2])
+    if blob.at_edge or blob.held or blob.inscribed < MIN_INSCRIBED or np.sqrt(blob.area / np.pi) > largest:
         return None
     left, top, right, bottom = blob.box
     reach = max(4, round(0.6 * blob.inscribed))
@@ -186,7 +186,7 @@ def _seen(number: int, blob: Blob, image: Bytes, still: Image, covered: Bytes) -
     if colour_distance(before, around) > 1.5 * colour_distance(colour, around):
         return None  # it was here, at rest, and is seen nowhere in this blob
     rows, columns = np.nonzero(inside)
-    thing = SampledObject(
+    sighting = SampledObject(
         number,
         float(columns.mean() + window[1].start),
         float(rows.mean() + window[0].start),
@@ -196,21 +196,21 @@ def _seen(number: int, blob: Blob, image: Bytes, still: Image, covered: Bytes) -
         float(min(1.0, np.pi * blob.inscribed**2 / blob.area)),
         float(blob.inscribed),
     )
-    return thing if thing.contrast > MIN_CONTRAST else None
+    return sighting if sighting.contrast > MIN_CONTRAST else None
 
 
 def _middle(image: Bytes | Image, where: Flags) -> Array:
     return np.median(image[where].astype(np.float64), axis=0)
 
 
-def _sort_in(kinds: list[ObjectClass], thing: SampledObject) -> None:
-    """Add a thing to the kind that it is most like, or begin a new one."""
+def _sort_in(kinds: list[ObjectClass], sighting: SampledObject) -> None:
+    """Add an object to the kind that it is most like, or begin a new one."""
     best, nearest = None, ALIKE
     for kind in kinds:
-        ratio = thing.radius / float(kind.typical("radius"))
-        apart = colour_distance(np.array(thing.colour), kind.typical("colour"))
+        ratio = sighting.radius / float(kind.typical("radius"))
+        apart = colour_distance(np.array(sighting.colour), kind.typical("colour"))
         if apart < nearest and 1 / ALIKE_SIZE < ratio < ALIKE_SIZE:
             best, nearest = kind, apart
     if best is None:
         kinds.append(best := ObjectClass())
-    best.seen.append(thing)
+    best.seen.append(sighting)

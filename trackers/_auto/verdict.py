@@ -1,4 +1,4 @@
-"""How far a track can be trusted: the probability that it is on its body, and the words for what speaks against it.
+"""How far a track can be trusted: the probability that it is on its body, and the words for the evidence against it.
 
 The probability that a track is on its body at a moment that shows the body is ``(1 - m) (1 - c) / (1 + exp(-(b - sum_k
 w_k e_k)))``: ``m`` is the share of the samples that show the body in which the track misses it, ``c`` that in which the
@@ -22,19 +22,19 @@ from trackers._auto.verdict_weights import DOUBTFUL, INTERCEPT, WEIGHTS
 
 Said = tuple[DoubtKind, str, str]  # kind, finding and remedy of a doubt
 PROBABILITY = "probability"  # its name among the evidence
-# known by appearance only; the same where nothing is followed before the background; other things go farther
+# known by appearance only; the same where nothing is followed before the background; other objects go farther
 OF_WAYS = ("guessed", "alone", "beside")
 OFF = ("missed", "other colours")  # shares of the samples in which the track is not on the body
 HELD_SHARE = 0.5  # of the frames with the body: more often in a hand is not a free motion, even if it is followed well
 MAX_REASONS = 3
-MIN_PART = 0.25  # of all that speaks against a track: weaker evidence is not said
+MIN_PART = 0.25  # of all that speaks against a track: weaker evidence is not reported
 # what helps where marks do not: a body that covers much of its own way is seen in no frame as a whole before it
 BY_TEMPLATE = "if it does not turn: --tracker template --roi x,y,width,height, its box in the first frame of the clip"
 BY_MARK = "check the overlay, and mark the body where it is lost: --mark {body}=x,y@frame"
 AT_PLACE = "if that is the body: --mark {body}={x:.0f},{y:.0f}@{frame}"
 HELD: Said = (
     "held",
-    "a hand, or what else reaches in from the edge, touches it in {share:.0%} of its frames",
+    "a hand, or another object that reaches in from the edge, touches it in {share:.0%} of its frames",
     "mark the free body: --mark {body}=x,y@frame, or cut it off: --start",
 )
 LOOKS: Said = (
@@ -42,7 +42,7 @@ LOOKS: Said = (
     "tracked by appearance only: no body was followed well before the still background",
     "check the overlay, and mark it: --mark {body}=x,y@frame",
 )
-# kind, finding and remedy of each evidence: share of it, count of frames, extent in radii, place and frame of a thing
+# kind, finding and remedy of each evidence: share of it, count of frames, extent in radii, place and frame of an object
 WORDS: Mapping[str, Said] = {
     "other colours": (
         "another-body",
@@ -50,7 +50,7 @@ WORDS: Mapping[str, Said] = {
         BY_MARK,
     ),
     "shadow": ("shadow", "it looks like a shadow in {share:.0%} of the sampled frames", BY_MARK),
-    "faint": ("faint", "the tracked thing barely differs from its surroundings", BY_MARK),
+    "faint": ("faint", "the tracked object barely differs from its surroundings", BY_MARK),
     "leaps": ("jumps", "the track leaps {count} times", BY_MARK),
     "kinks": ("jumps", "its path is broken by more than a radius in {share:.0%} of the frames", BY_MARK),
     "changing size": ("unsteady-size", "the apparent radius changes by {share:.0%} a frame", BY_MARK),
@@ -58,7 +58,7 @@ WORDS: Mapping[str, Said] = {
     "gaps": ("missed", "it is not found in {share:.0%} of the frames between the first and the last", BY_MARK),
     "held": HELD,
     "at the edge": HELD,
-    "ragged": ("another-body", "the moving thing is ragged, as people are", BY_MARK),
+    "ragged": ("another-body", "the moving object is ragged, as people are", BY_MARK),
     "part": ("another-body", "in {share:.0%} of the sampled frames it is a part of something larger", BY_MARK),
     "nothing moves": ("another-body", "in {share:.0%} of the sampled frames nothing moves where the track is", BY_MARK),
     "scenery": (
@@ -84,7 +84,7 @@ WORDS: Mapping[str, Said] = {
     "two on one": (
         "another-body",
         "body {body} is tracked at one place with another in {share:.0%} of their frames",
-        "mark each: --mark {body}=x,y@frame, or ask for fewer --bodies",
+        "mark each: --mark {body}=x,y@frame, or request fewer --bodies",
     ),
     "lost together": (
         "ambiguous",
@@ -95,7 +95,7 @@ WORDS: Mapping[str, Said] = {
     "alone": LOOKS,
     "beside": (
         "ambiguous",
-        "other things move farther; this one looks most like a body",
+        "other objects move farther; this one looks most like a body",
         "check the overlay, and mark it: --mark {body}=x,y@frame",
     ),
 }
@@ -127,13 +127,13 @@ def judged(
     track, scene, others
         As of :func:`trackers._auto.evidence.evidence_against`.
     marks
-        What the user knows: a track that misses a mark is not on its body; beside marks no other thing is a rival.
+        What the user knows: a track that misses a mark is not on its body; beside marks no other object is a rival.
     way
         Which of :data:`OF_WAYS` the way of following the body brings with it.
     """
     against = evidence_against(track, scene, others) | {name: float(name in way) for name in OF_WAYS}
     if marks or "guessed" in way:
-        against["lost together"] = 0.0  # marks and looks tell which is which
+        against["lost together"] = 0.0  # marks and appearance identify the bodies
     if marks:
         against |= dict.fromkeys(("rival", "disc not followed", *OF_WAYS), 0.0)
     missed = missed_marks(track, marks)
@@ -172,7 +172,7 @@ def _said(name: str, share: float, track: Track, where: Mapping[str, float]) -> 
 
 
 def _where(name: str, track: Track, scene: SampledScene, others: Sequence[Track]) -> dict[str, float]:
-    """Frame, and x and y in px, of the thing that an evidence is about, where it is about one."""
+    """Frame, and x and y in px, of the object that an evidence is about, where it is about one."""
     if name == "missed":
         return {"frame": scene.frames[samples_missed(track, scene, others)[0]].index}
     if name == "disc not followed":
@@ -181,6 +181,6 @@ def _where(name: str, track: Track, scene: SampledScene, others: Sequence[Track]
     kind = rival(scene, track, others)[1] if name == "rival" else None
     if kind is None:
         return {}
-    thing = kind.seen[len(kind.seen) // 2]
-    x, y = scene.view.in_frame(thing.x, thing.y)
-    return {"frame": scene.frames[thing.sample].index, "x": x, "y": y}
+    sighting = kind.seen[len(kind.seen) // 2]
+    x, y = scene.view.in_frame(sighting.x, sighting.y)
+    return {"frame": scene.frames[sighting.sample].index, "x": x, "y": y}

@@ -15,15 +15,15 @@ from numpy.typing import NDArray
 from trackers._background.inlier_moments import inlier_moments
 from trackers._frames.arrays import MAD_TO_SD, QUANTISATION_SD, Box, Bytes, Flags, Image
 
-DENSEST = 0.5  # of the samples: where a body comes by more often, it is taken for background
+DENSEST_SHARE = 0.5  # of the samples: a body that covers a pixel in more of them is taken for background
 INLIER_SIGMAS = 3.0
-SMALLEST_CUT = 5.0  # grey levels: dither and rounding are noise, not motion
+MIN_CUT = 5.0  # grey levels: dither and rounding are noise, not motion
 TRUNCATION = 0.9866  # standard deviation of a normal distribution cut at +-3 sigma
 POOL = 9  # px, side of the square over which the noise is averaged
 TILE = 128  # px
 BLOCK = 4  # px, side of the blocks over which noise is summed
 PASSING_SIGMAS = 5.0  # of noise: a larger difference is a body that passes
-LARGE = 300_000  # px: in so large an image every third frame tells the noise
+LARGE = 300_000  # px: in a larger image every third frame gives the noise
 WIDE = 33  # px: noise that varies over more is flicker
 
 
@@ -44,14 +44,14 @@ def estimate_background(stack: Bytes, usable: Flags | None = None) -> Background
     """Background and noise of a stack of frames (k, h, w) or (k, h, w, 3).
 
     The background is the mean of the samples near the middle of the densest half of them: where a body
-    comes by, the samples without it lie close together. The noise is the standard deviation of
+    passes, the samples without it lie close together. The noise is the standard deviation of
     those samples, pooled over 9 x 9 px, at least that of rounding, 1/sqrt(12). ``usable`` (k, h, w)
     leaves samples out.
     """
     centre, sigma = _densest(stack)
     if usable is not None:
         _settle(centre, sigma, stack, usable)
-    cut = np.maximum(np.float32(INLIER_SIGMAS) * _pooled(sigma), np.float32(SMALLEST_CUT))
+    cut = np.maximum(np.float32(INLIER_SIGMAS) * _pooled(sigma), np.float32(MIN_CUT))
     for _ in range(2):  # the middle of the densest samples is a rough centre
         centre, variance = _near(centre, cut, stack, usable)
     noise = np.sqrt(np.maximum(_pooled(variance), 0)) / TRUNCATION
@@ -101,7 +101,7 @@ def _near(centre: Image, cut: Image, stack: Bytes, usable: Flags | None) -> tupl
 def _densest(stack: Bytes) -> tuple[Image, Image]:
     """Middle of the shortest range of grey levels that holds half of the samples, and its sigma."""
     ordered = _sorted(list(stack))
-    held = max(2, round(DENSEST * len(ordered)))
+    held = max(2, round(DENSEST_SHARE * len(ordered)))
     narrowest = np.full(stack.shape[1:], 255, dtype=np.uint8)
     lowest, highest = ordered[len(ordered) // 2].copy(), ordered[len(ordered) // 2].copy()
     for low, high in zip(ordered, ordered[held - 1 :], strict=False):
@@ -159,7 +159,7 @@ def _pooled(image: Image) -> Image:
 
 
 class Stack(Protocol):
-    """Sampled images (k, h, w) or (k, h, w, 3) of which windows are asked for."""
+    """Sampled images (k, h, w) or (k, h, w, 3) that give windows on request."""
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -178,7 +178,7 @@ class Background:
 
     ``stack`` are the sampled images; ``usable`` (k, h', w') says at a reduced size which samples show the
     background, None that all may be used. ``whole`` is the result where it is known already. ``coarser`` holds the
-    background of the images reduced by some step, of which one may be given.
+    backgrounds of the reduced images by their step; one may be given.
     """
 
     stack: Stack
@@ -242,7 +242,7 @@ def noise_inflation(stack: Bytes, estimate: BackgroundEstimate) -> float:
 
     Compression smooths the noise, which makes sums over pixels noisier than the pixels suggest. What
     varies over more than ``WIDE`` px is left out: flicker is corrected body by body. Blocks through
-    which a body passes are left out too. ``stack`` is (k, h, w) or (k, h, w, 3), of which luma counts.
+    which a body passes are left out too. ``stack`` is (k, h, w), or (k, h, w, 3) whose luma counts.
     """
     background, noise = (image if image.ndim == 2 else image[..., 0] for image in (estimate.background, estimate.noise))
     height, width = (size - size % BLOCK for size in background.shape)

@@ -17,12 +17,12 @@ from trackers._detection.subpixel_centroid import largest
 from trackers._frames.ahead import ahead
 from trackers._frames.arrays import Bytes, Flags, Image
 
-SMALLEST_HOLE = 12  # px
+MIN_HOLE = 12  # px, area
 EDGE_RATIO = 2.0  # how much stronger an edge is in the background than in the frame
 MIN_EDGE = 1.0  # grey levels a px beyond that
 OUTLINE_SHARE = 0.3  # of a hole's outline: the rest is the outline of an object that hides part of the hole
 SHADE = 0.4  # of a component's peak: fainter pixels are the shadow of a near object
-MIN_SAMPLES = 3  # that must show what is behind
+MIN_SAMPLES = 3  # that must show the background
 AS_HOLE = 0.6  # of the samples in which a pixel differs: where fewer are holes, something passes before the background
 MARGIN = 4  # px round a foreground component, in which its edges lie
 SURROUNDED = 0.5  # of a hole's surroundings: if more of it is a hand or arm, these hide the hole
@@ -35,9 +35,9 @@ def usable_samples(stack: Bytes, estimate: BackgroundEstimate) -> Flags | None:
     ``estimate`` is background and noise as all samples give them.
 
     Where a body rests in most samples it becomes background, and the other samples differ from it in
-    the body's shape: a hole. A hole is distinguished from a body by its outline, much of which is an edge in
-    the background but not in the frame. A mark that a hand hides looks like a hole as well, but round it is
-    what reaches in from the edge of the image.
+    the body's shape: a hole. A hole is distinguished from a body by its outline: much of it is an edge in the
+    background but not in the frame. A mark that a hand hides looks like a hole as well, but is surrounded by an
+    object that reaches in from the edge of the image.
     """
     edges = _edges(estimate.background)
     background_range = background_range_of(estimate)
@@ -59,7 +59,7 @@ def _holes_of(background_range: BackgroundRange, edges: Image, image: Bytes) -> 
     box = grown((x, y, x + columns, y + rows), MARGIN, (image.shape[1], image.shape[0]))
     inside, here = background_range.part(box), image[box[1] : box[3], box[0] : box[2]]
     for level in _of_either_sign(inside, here):
-        if np.count_nonzero(level) >= SMALLEST_HOLE:
+        if np.count_nonzero(level) >= MIN_HOLE:
             left, top, width, height = cv2.boundingRect(level)
             of_level = (
                 slice(max(0, top - MARGIN), top + height + MARGIN),
@@ -135,7 +135,7 @@ def _holes(level: Bytes, edges: Image, edges_now: Image) -> Flags:
     count, labels, stats, _ = cv2.connectedComponentsWithStats(closed, connectivity=8)
     for label in range(1, count):
         left, top, width, height, area = (int(value) for value in stats[label])
-        if area < SMALLEST_HOLE:
+        if area < MIN_HOLE:
             continue
         y0, x0 = max(0, top - 2), max(0, left - 2)
         window = (slice(y0, top + height + 2), slice(x0, left + width + 2))

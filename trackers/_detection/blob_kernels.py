@@ -14,7 +14,7 @@ from trackers._detection.depth import exact_depth
 from trackers._detection.small_images import mirrored
 from trackers._frames.arrays import Bytes, Image
 
-THINNEST = 2.5  # px: a component with a smaller inscribed circle is not taken apart
+MIN_INSCRIBED = 2.5  # px: a component with a smaller inscribed circle is not taken apart
 BLOB_SHARE = 0.5  # of the inscribed radius: thinner parts are cords, arms of clamps, fingers
 LEFT, TOP, RIGHT, BOTTOM, INSCRIBED, WHOLE, SEED, COLUMNS = 0, 1, 2, 3, 4, 5, 10, 12
 
@@ -38,16 +38,16 @@ def peak_of(mask: Bytes, level: Bytes) -> float:
 
 @kernel(nogil=True)
 def cut_at(mask: Bytes, level: Bytes, faintest: float, smallest: int) -> tuple[Labels, Image, Array, float]:
-    """Cut what of a mask differs by so many grey levels at least where it is thin: opening by half its thickness.
+    """Cut the pixels of a mask that differ enough where they form thin parts: opening by half the thickness.
 
     Parameters
     ----------
     mask, level
         The component and its difference (h, w), grey levels.
     faintest
-        Least difference.
+        Least difference, grey levels.
     smallest
-        Fewest pixels of what is cut.
+        Fewest pixels of a part.
 
     Returns
     -------
@@ -70,7 +70,7 @@ def cut_at(mask: Bytes, level: Bytes, faintest: float, smallest: int) -> tuple[L
     for y in range(mask.shape[0]):
         for x in range(mask.shape[1]):
             thickest = kept[wholes[y, x]]
-            deep[y, x] = thickest > 0 and depth[y, x] > (BLOB_SHARE * thickest if thickest >= THINNEST else 0.0)
+            deep[y, x] = thickest > 0 and depth[y, x] > (BLOB_SHARE * thickest if thickest >= MIN_INSCRIBED else 0.0)
     seeds, seed_boxes = parts_with(deep, deep)
     owner, table = _owned(wholes, boxes, kept, depth, seeds, seed_boxes)
     return owner, depth, table, _clearness(owner, table, level)
@@ -109,7 +109,7 @@ def _owned(
             for x in range(left, right):
                 if seeds[y, x] == k + 1:
                     row[INSCRIBED] = max(row[INSCRIBED], depth[y, x])
-        cut = BLOB_SHARE * thickest[number] if thickest[number] >= THINNEST else 0.0
+        cut = BLOB_SHARE * thickest[number] if thickest[number] >= MIN_INSCRIBED else 0.0
         reach = int(cut) + 2
         top, left = max(0, top - reach), max(0, left - reach)
         bottom, right = min(wholes.shape[0], bottom + reach), min(wholes.shape[1], right + reach)

@@ -1,4 +1,4 @@
-"""Connected parts of a mask that hold given pixels, and their holes (numba): only these are looked at."""
+"""Connected parts of a mask that hold given pixels, and their holes (numba); other parts are not labelled."""
 
 # mypy: disallow-untyped-decorators=False
 from __future__ import annotations

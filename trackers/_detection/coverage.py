@@ -22,11 +22,11 @@ from trackers._detection.shading import shading
 from trackers._detection.small_images import blurred, dilated
 from trackers._frames.arrays import Bytes, Flags, Image
 
-SHARP, REFINED = 1.5, 2  # px: half the width of an outline from which on it is found again, and how often
-CLEAR = 1.5  # of half the width of a streak's outline: so far inside of it is the body alone
-WHOLE = 0.85  # of the thickness: an outline that leaves less of it is not that of a streak
-DEEPEST = 0.6  # of the depth: the body's brightness is taken from there at least
-SHALLOW = 0.7  # of the depth of the mask: an outline that leaves less of it is not that of the whole body
+SHARP, REFINED = 1.5, 2  # px: an outline whose half width exceeds this is found again; number of repetitions
+CLEAR = 1.5  # half widths of a streak's outline: pixels deeper than this show the body alone
+MIN_THICKNESS = 0.85  # of the thickness: an outline that leaves less is not that of a streak
+OWN_DEPTH = 0.6  # of the depth: pixels deeper than this give the body's brightness in any case
+MIN_DEPTH = 0.7  # of the depth of the mask: an outline that leaves less of it is not that of the whole body
 OUTSKIRTS, FAINT, MIN_FREE = 4.0, 0.45, 0.02  # px outside of the outline; coverage and share of pixels there
 RIM_PX, RIM_SHARE = 1.4, 0.45  # px and share of the depth: pixels nearer to the outline are blurred
 OUTLINE_DEPTH = 4.0  # px within which the body's brightness must fit that of its outline
@@ -48,7 +48,7 @@ def coverage(planes: Planes, mask: Bytes, other: Bytes, inflation: float, refine
     inflation
         Variance of sums of noise over that of white noise.
     refined
-        Whether outline and background are looked at again by the first result.
+        Whether outline and background are estimated again from the first result.
     """
     depth = exact_depth(mask, False)
     deepest = float(depth.max())
@@ -59,7 +59,7 @@ def coverage(planes: Planes, mask: Bytes, other: Bytes, inflation: float, refine
     for _ in range((REFINED if is_blurred and axes == 1 else 1) if refined else 0):
         level = _with_level_outside(planes, share, _plus(distance, half_width, 1.0), other)
         clear = _clear(distance, half_width, 1.0 if axes == 1 else CLEAR)
-        if distance.max() < SHALLOW * deepest:  # a notch, as in a small ball both darker and brighter
+        if distance.max() < MIN_DEPTH * deepest:  # a notch, as in a small ball both darker and brighter
             clear = _larger(clear, _less(depth, rim))
         share, variance = _share((planes[0], level, planes[2]), mask, near, clear, persistence)
         if is_blurred:
@@ -86,20 +86,20 @@ def _first_look(
     share, variance = _share(planes, mask, near, _less(depth, rim), persistence)
     distance, half_width = outline(share, heart, 1)
     if half_width.max() >= SHARP:
-        by_depth, its_variance = _share(planes, mask, near, _less(depth, DEEPEST * deepest), persistence)
+        by_depth, its_variance = _share(planes, mask, near, _less(depth, OWN_DEPTH * deepest), persistence)
         inner, reach = outline(by_depth, heart, AXES)
-        if inner.max() > WHOLE * distance.max():
+        if inner.max() > MIN_THICKNESS * distance.max():
             return by_depth, its_variance, inner, reach, AXES
     return share, variance, distance, half_width, 1
 
 
 @kernel(nogil=True)
 def _share(planes: Planes, mask: Bytes, near: Bytes, depth: Image, blur: float) -> tuple[Image, Image]:
-    """Share (h, w) of each pixel that the body covers, and its variance; by the mask where brightness does not tell.
+    """Share (h, w) of each pixel that the body covers, and its variance; by the mask where brightness leaves it open.
 
     The body's own brightness, and the strength of its difference in units of noise, are continued outwards from where
-    ``depth`` (h, w), px, is above 0: a pixel is of the body alone. Its shading is followed by a polynomial, what is
-    left is replaced by the mean of the near pixels.
+    ``depth`` (h, w), px, is above 0: a pixel is of the body alone. A polynomial follows its shading; the
+    residual is replaced by its mean over the near pixels.
     """
     height, width = mask.shape
     shade = shading(planes[0], depth, near)
@@ -128,8 +128,8 @@ def _with_level_outside(planes: Planes, share: Image, beyond: Image, other: Byte
 
 @kernel(nogil=True)
 def _clear(distance: Image, half_width: Image, times: float) -> Image:
-    """How far inside of so many half widths of the outline each pixel is, px, at most a share of the thickness less."""
-    deepest, clear = np.float32(DEEPEST) * distance.max(), np.empty_like(distance)
+    """Depth of each pixel, px, less ``times`` the half width of the outline, but at most less a share of the depth."""
+    deepest, clear = np.float32(OWN_DEPTH) * distance.max(), np.empty_like(distance)
     for y in range(distance.shape[0]):
         for x in range(distance.shape[1]):
             clear[y, x] = distance[y, x] - min(half_width[y, x] * np.float32(times), deepest)
@@ -188,7 +188,7 @@ def _without(mask: Bytes, other: Bytes) -> Bytes:
 def _at_outline(
     share: Image, variance: Image, distance: Image, half_width: Image, inflation: float, texture: float
 ) -> tuple[Image, Image]:
-    """Share and variance (h, w), of which what is off the outline is 1 or 0 and sure."""
+    """Share and variance (h, w) with the pixels off the outline set to a share of 1 or 0 and a variance of 0."""
     settled = np.zeros(share.shape, dtype=np.float32)
     sure = np.zeros(share.shape, dtype=np.float32)
     for y in range(share.shape[0]):

@@ -15,11 +15,11 @@ from iris_sysid.types import Array
 from trackers._detection.shading import cholesky_solved
 from trackers._frames.arrays import MAD_TO_SD, Bytes, Image
 
-TELLING = 4.0  # contrast over noise from which brightness tells coverage
+TELLING = 4.0  # contrast over noise: below it brightness leaves the coverage open
 ONE_SIDED = (0.3, 0.7)  # |f| over s: below it a body is both brighter and darker, above it one of them
 SHADOW, RIDGE = 4, 1e-9  # first term of the shadow; of the squares of a term, added for each pixel
 SWEEP_STEP, SWEEP_DAMPING, SWEEP_RIDGE = 1e-4, 1e-3, 1e-12  # relative, of derivatives; at first; of a flat direction
-SHARE_RANGE = (-0.3, 1.3)  # coverage beyond this is another thing, not noise
+SHARE_RANGE = (-0.3, 1.3)  # coverage beyond this shows another object, not noise
 
 
 Planes = tuple[Image, Image, Image]  # image, background and noise (h, w, channels), grey levels
@@ -75,7 +75,7 @@ def own_brightness(planes: Planes, shade: Image, soft: Image, depth: Image, near
 
 @kernel(nogil=True)
 def shares(planes: Planes, own: Image, strength: Image, mask: Bytes, near: Bytes) -> tuple[Image, Image]:
-    """Share (h, w) of each pixel that a body covers, and its variance; by the mask where brightness does not tell.
+    """Share (h, w) of each pixel that a body covers, and its variance; by the mask where brightness leaves it open.
 
     ``own`` is the body's own brightness, ``strength`` (h, w) how far it is off the background; see
     ``coverage_centre``.
@@ -124,7 +124,7 @@ def off_background(image: Image, background: Image, free: Bytes) -> Image:
 
 @kernel(nogil=True)
 def levelled(background: Image, soft: Image, least: float) -> Image:
-    """The background plus the mean of :func:`off_background`, blurred: ``soft``, of which the weight is ``least``."""
+    """The background plus the mean of :func:`off_background`, blurred: ``soft``, with the weight ``least`` added."""
     height, width, channels = background.shape
     level = np.empty((height, width, channels), dtype=np.float32)
     for y in range(height):
@@ -317,7 +317,7 @@ def swept(
 ) -> tuple[Array, Array]:
     """The sweep (5,) that leaves least, and what it leaves (n, channels), by the method of Levenberg and Marquardt.
 
-    It begins at ``sweep``, and ends after so many ``steps``, or where a step lessens the sum of squares by less than
+    It begins at ``sweep``, and ends after ``steps`` steps, or where a step lessens the sum of squares by less than
     the share ``enough``. The other arguments are as for :func:`swept_left_over`.
     """
     damping = SWEEP_DAMPING

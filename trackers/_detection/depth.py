@@ -23,7 +23,7 @@ def depth_of(mask: Bytes | Flags, *, outside: bool = True) -> Image:
     mask
         Pixels (h, w).
     outside
-        Whether what lies outside of the mask is 0; if not, it does not count.
+        Whether pixels outside of the mask are 0; if not, they do not count.
     """
     return np.asarray(exact_depth(np.ascontiguousarray(mask).view(np.uint8), outside))
 
@@ -90,7 +90,7 @@ def _row(
         square = 0 if site < first or site >= stop else np.int64(down[site]) ** 2
         start = first
         while last >= 0:
-            # from where on the new parabola is below the last
+            # right of this place the new parabola is below the last
             before = sites[last]
             start = math.floor((site**2 - before**2 + square - squares[last]) / (2 * (site - before))) + 1
             if start > starts[last]:

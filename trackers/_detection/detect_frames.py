@@ -22,7 +22,7 @@ from trackers._background.median import (
 from trackers._detection.background_samples import usable_samples
 from trackers._detection.coded_planes import plane_limits_of
 from trackers._detection.connected import filled_round
-from trackers._detection.detection import THINNEST_BODY, BlobDetector, Detection, FrameCandidates, FrameDetections
+from trackers._detection.detection import MIN_INSCRIBED, BlobDetector, Detection, FrameCandidates, FrameDetections
 from trackers._detection.foreground import BackgroundRange, background_range_of, blobs
 from trackers._detection.search_window import SearchWindows, sparse_range_of
 from trackers._frames.ahead import ahead
@@ -34,8 +34,8 @@ SAMPLES = 40  # frames from which the background is made, fewer of a large clip
 MISSED_BY_LUMA = 0.1  # share of the moving pixels that luma misses, above which colour is used too
 SHADED = 0.3  # of the body's area is added to it by luma: its shadow
 VIVID = 4.0  # times the noise: least colour difference from the background
-MOSTLY = 0.5  # of the frames
-LARGE_ENOUGH, SPECKS = 12.0, 10  # px, inscribed radius at half the usual size; % of what moves that may be smaller
+MIN_FRAMES_SHARE = 0.5  # of the sampled frames
+LARGE_ENOUGH, SPECKS = 12.0, 10  # px, inscribed radius at half the usual size; % of the blobs that may be smaller
 AROUND = np.ones((5, 5), np.uint8)  # px about moving bodies: two more than their edge
 MIN_COLOURED = 20  # px that must move in colour for a frame to count
 REPORT_EVERY = 10  # frames between two calls of the progress function
@@ -122,16 +122,16 @@ def _shows_large(view: View, samples: Sequence[Frame]) -> bool:
     background_range = background_range_of(estimate_background(stack))
     seen = ahead(partial(blobs, background_range), stack)
     moving = [blob.inscribed for image_blobs in seen for blob in image_blobs if not blob.held]
-    bodies = [inscribed for inscribed in moving if inscribed > THINNEST_BODY]
-    return len(bodies) > MOSTLY * len(stack) and float(np.percentile(bodies, SPECKS)) > LARGE_ENOUGH
+    bodies = [inscribed for inscribed in moving if inscribed > MIN_INSCRIBED]
+    return len(bodies) > MIN_FRAMES_SHARE * len(stack) and float(np.percentile(bodies, SPECKS)) > LARGE_ENOUGH
 
 
 def luma_misses(stack: Bytes, known: BackgroundEstimate | None = None) -> bool:
-    """Whether colour must be looked at too: where luma shows a body badly, not at all, or with its shadow.
+    """Whether the search needs colour too: where luma shows a body badly, not at all, or with its shadow.
 
     A green ball on a wall as bright as it is such a case: in luma it is mostly shade, and its centre
-    that of the lit side. A ball whose shadow on the wall touches it is another: luma shows both as one. Looking at
-    colour takes longer. ``stack`` (k, h, w, 3) are sampled images, ``known`` their background where it is known.
+    that of the lit side. A ball whose shadow on the wall touches it is another: luma shows both as one. A search
+    in colour takes longer. ``stack`` (k, h, w, 3) are sampled images, ``known`` their background where it is known.
     """
     estimate = known or estimate_background(stack)
     background_range, luma_range = background_range_of(estimate), background_range_of(estimate.channel(0))
@@ -139,9 +139,9 @@ def luma_misses(stack: Bytes, known: BackgroundEstimate | None = None) -> bool:
     if not seen:
         return False
     missed, in_luma, in_colour, shaded = np.array(seen).T
-    if np.percentile(missed, 90) > MISSED_BY_LUMA or np.mean(in_colour > in_luma) > MOSTLY:
+    if np.percentile(missed, 90) > MISSED_BY_LUMA or np.mean(in_colour > in_luma) > MIN_FRAMES_SHARE:
         return True
-    vivid = len(seen) > MOSTLY * len(stack) and np.median(in_colour) > VIVID
+    vivid = len(seen) > MIN_FRAMES_SHARE * len(stack) and np.median(in_colour) > VIVID
     return bool(vivid and np.median(shaded) > SHADED)
 
 
@@ -189,7 +189,7 @@ def observe(
     video, setup
         The clip and what its samples show.
     options
-        ``progress`` is called now and then.
+        ``progress`` is called every ten frames.
     likely
         Called with the rough detections of each frame, in order, says which of them are measured; None: all.
     """
@@ -201,7 +201,7 @@ def observe(
 def _chosen(
     setup: DetectionSetup, frames: Iterable[Frame], likely: Likely
 ) -> Iterator[tuple[FrameCandidates, Sequence[bool], Sequence[Detection]]]:
-    """What may be a body in some frames that follow each other, what of it is likely, and what was there before."""
+    """Candidate bodies of successive frames, which of them are likely, and the detections of the frame before."""
     before: Sequence[Detection] = ()
     for found in setup.search_windows().candidates(setup.detector, frames):
         yield found, likely(FrameDetections(found.frame.index, found.frame.t_s, found.detections, ())), before
@@ -211,7 +211,7 @@ def _chosen(
 def measure_rough(
     video: FrameSource, setup: DetectionSetup, rough: Collection[Detection]
 ) -> dict[Detection, Detection | None]:
-    """What :func:`observe` left rough, measured; None for what is cut by the edge.
+    """Measure the detections that :func:`observe` left rough; None for one that the edge cuts.
 
     The clip is read again up to the last of them.
     """

@@ -11,7 +11,7 @@ from iris_sysid.types import Frame
 from trackers._background.median import Background
 from trackers._detection.coverage_kernels import seen_roughly
 from trackers._detection.depth import depth_of
-from trackers._detection.foreground import SMALLEST_AREA, Blob
+from trackers._detection.foreground import MIN_AREA, Blob
 from trackers._detection.motion_blur import streak_centre
 from trackers._detection.strong_windows import grown
 from trackers._detection.subpixel_centroid import Centre, Window, coverage_centre
@@ -19,11 +19,11 @@ from trackers._detection.window_kernels import looks_of, made_ready, paste
 from trackers._frames.arrays import Bytes, Image
 from trackers._frames.working_image import View
 
-THINNEST_BODY = 1.3  # px, inscribed radius
+MIN_INSCRIBED = 1.3  # px, inscribed radius
 HAND_SHARE = 0.35  # of the body's inscribed radius: a hand or arm is at least as thick
 HAND_GAP = 0.5  # of the body's inscribed radius: a hand so near is taken to touch it
 MARGIN = 10  # px round a body that its outline and the ring about it need
-STILL = 0.4  # of the radius: a body that moved less since the frame before is no streak
+STILL = 0.4  # of the radius: a body that moved less since the frame before is not a streak
 LARGE_RADIUS = 24.0  # px, inscribed: larger bodies are measured in larger pixels, which give the centre as accurately
 
 Box = tuple[float, float, float, float]  # left, top, right, bottom, px
@@ -107,7 +107,7 @@ class _Outline:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class FrameCandidates:
-    """What may be a body in a frame: its blobs with a rough detection each; all bodies and what reaches in."""
+    """Candidate bodies of a frame: its blobs with a rough detection each; all bodies, and objects that reach in."""
 
     frame: Frame
     blobs: list[Blob]
@@ -120,8 +120,8 @@ class FrameCandidates:
 class BlobDetector:
     """Measures blobs: background, region of interest, reduction for the search, inflation of the noise.
 
-    ``streaks`` says that a body that moves far during an exposure is fitted as a swept disc, ``refined`` that a centre
-    is looked at again by what was found first.
+    ``streaks`` says that a body that moves far during an exposure is fitted as a swept disc, ``refined`` that outline
+    and background are estimated again from the first result.
     """
 
     background: Background
@@ -141,9 +141,9 @@ class BlobDetector:
         return self.measured(candidates, [True] * len(candidates.blobs), before)
 
     def candidates(self, frame: Frame, bodies: list[Blob], foreground: list[Blob]) -> FrameCandidates:
-        """What may be a body in a frame: see :meth:`detect`."""
-        reaching = [blob for blob in foreground if blob.held and blob.inscribed > THINNEST_BODY]
-        inside = [blob for blob in bodies if not blob.at_edge and blob.inscribed > THINNEST_BODY]
+        """The candidate bodies of a frame: see :meth:`detect`."""
+        reaching = [blob for blob in foreground if blob.held and blob.inscribed > MIN_INSCRIBED]
+        inside = [blob for blob in bodies if not blob.at_edge and blob.inscribed > MIN_INSCRIBED]
         rough = tuple(self._rough(frame, blob, reaching) for blob in inside)
         return FrameCandidates(frame, inside, rough, bodies, tuple(self.edge_object(blob) for blob in reaching))
 
@@ -163,11 +163,11 @@ class BlobDetector:
         Parameters
         ----------
         candidates
-            What may be a body.
+            Candidate bodies.
         which
             Of the candidates are measured.
         before
-            Detections of the frame before, rough or not: a body that has hardly moved since is no streak.
+            Detections of the frame before, rough or not: a body that rests since then is not a streak.
         """
         seen: list[Detection | None] = list(candidates.detections)
         for k in np.flatnonzero(which):
@@ -189,7 +189,7 @@ class BlobDetector:
         x, y = view.in_frame(left + x, top + y)
         unknown = (np.inf,) * 2
         centre = Centre(x, y, *unknown, area * step**2, np.inf, contrast, intensity, np.inf, cut=False)
-        hand = blob.held or any(touches(blob, thing) for thing in reaching)
+        hand = blob.held or any(touches(blob, other) for other in reaching)
         compactness = min(1.0, np.pi * blob.inscribed**2 / blob.area)
         stated = (brightening, sharpness / step, compactness, hand)
         return Detection(frame.index, frame.t_s, centre, 0, 0, *stated, measured=False)
@@ -215,7 +215,7 @@ class BlobDetector:
         reaching
             Objects that reach in from the edge and may be a hand.
         """
-        hand = blob.held or any(touches(blob, thing) for thing in reaching)
+        hand = blob.held or any(touches(blob, other) for other in reaching)
         outline = self._outline(frame, blob, bodies, hand)
         return None if outline is None else self._detection(outline, ())
 
@@ -223,7 +223,7 @@ class BlobDetector:
         """What the outline of one body shows, which a ``hand`` may touch; None when it is too small."""
         size = self._pixel(blob)
         window, left, top = self._window(frame, blob, bodies, size)
-        if np.count_nonzero(window.mask) < SMALLEST_AREA:
+        if np.count_nonzero(window.mask) < MIN_AREA:
             return None
         centre = coverage_centre(window, refined=self.refined)
         left, top = left * size + self.view.left, top * size + self.view.top
@@ -244,10 +244,10 @@ class BlobDetector:
     def _detection(self, outline: _Outline, before: Sequence[Detection]) -> Detection | None:
         """The body by its outline, or as a streak; None when it is cut by the edge.
 
-        ``before`` are the detections of the frame before: a body that has hardly moved since is no streak.
+        ``before`` are the detections of the frame before: a body that rests since then is not a streak.
         """
         centre, seen = outline.centre, outline.seen
-        if self.streaks and not _hardly_moved(seen.centre, seen.left, seen.top, before):
+        if self.streaks and not _is_still(seen.centre, seen.left, seen.top, before):
             centre = streak_centre(outline.window, centre)
         if centre.cut:
             return None
@@ -270,7 +270,7 @@ class BlobDetector:
         image = self.view.part(frame, (left, top, right, bottom), size)
         planes = _as_plane(image), _as_plane(estimate.background), _as_plane(estimate.noise)
         mask = _pasted([blob], (top, bottom, left, right), finer)
-        other = _pasted([thing for thing in bodies if thing is not blob], (top, bottom, left, right), finer)
+        other = _pasted([body for body in bodies if body is not blob], (top, bottom, left, right), finer)
         background, mask, other = made_ready(planes, mask, other, finer)
         return Window(planes[0], background, planes[2], mask, other, self.inflation), left, top
 
@@ -280,7 +280,7 @@ def _as_plane(image: Image | Bytes) -> Image:
     return np.array(image if image.ndim == 3 else image[..., np.newaxis], dtype=np.float32, order="C")
 
 
-def _hardly_moved(centre: Centre, left: int, top: int, before: Sequence[Detection]) -> bool:
+def _is_still(centre: Centre, left: int, top: int, before: Sequence[Detection]) -> bool:
     """Whether a detection of the frame before is at about the position of a centre in the window at (left, top).
 
     An exposure is no longer than the time between two frames, which bounds the distance moved in it.
@@ -306,7 +306,7 @@ def _in_pixels(centre: Centre, size: int) -> Centre:
 
 
 def _pasted(blobs: list[Blob], within: tuple[int, int, int, int], finer: int) -> Bytes:
-    """The masks of blobs in a window (top, bottom, left, right) whose pixels are so many times finer."""
+    """The masks of blobs in a window (top, bottom, left, right) whose pixels are ``finer`` times smaller."""
     top, bottom, left, right = within
     pasted = np.zeros((bottom - top, right - left), dtype=np.uint8)
     for blob in blobs:
@@ -314,18 +314,18 @@ def _pasted(blobs: list[Blob], within: tuple[int, int, int, int], finer: int) ->
     return pasted
 
 
-def touches(blob: Blob, thing: Blob) -> bool:
+def touches(blob: Blob, reaching: Blob) -> bool:
     """Whether something reaching in from the edge, thick enough for a hand or an arm, is at the body."""
-    if thing is blob or thing.inscribed < HAND_SHARE * blob.inscribed:
+    if reaching is blob or reaching.inscribed < HAND_SHARE * blob.inscribed:
         return False
     reach = max(2.0, HAND_GAP * blob.inscribed)
     x0, y0, x1, y1 = blob.box
-    a0, b0, a1, b1 = thing.box
+    a0, b0, a1, b1 = reaching.box
     if a0 > x1 + reach or a1 < x0 - reach or b0 > y1 + reach or b1 < y0 - reach:
         return False
     left, top = min(x0, a0), min(y0, b0)
     canvas = np.ones((max(y1, b1) - top, max(x1, a1) - left), dtype=np.uint8)
-    canvas[b0 - top : b1 - top, a0 - left : a1 - left] -= thing.mask
+    canvas[b0 - top : b1 - top, a0 - left : a1 - left] -= reaching.mask
     away = depth_of(canvas, outside=False)
     distance = away[y0 - top : y1 - top, x0 - left : x1 - left]
     return bool(distance[blob.mask > 0].min() <= reach)

@@ -10,17 +10,17 @@ import numpy as np
 
 from iris_sysid.types import Array
 from trackers._background.median import BackgroundEstimate
-from trackers._detection.blob_kernels import INSCRIBED, LEFT, SEED, THINNEST, WHOLE, cut_at, peak_of
+from trackers._detection.blob_kernels import INSCRIBED, LEFT, MIN_INSCRIBED, SEED, WHOLE, cut_at, peak_of
 from trackers._detection.connected import Labels, connected_parts
 from trackers._detection.strong_windows import are_most, grown, merged, windows_of
 from trackers._frames.arrays import Box, Bytes, Flags, Image
 
 STRONG_SIGMAS, STRONG_FLOOR = 6.0, 8.0  # floor in grey levels: surely something
 WEAK_SIGMAS, WEAK_FLOOR = 3.5, 4.0  # belongs to it when it touches it
-SMALLEST_AREA = 6  # px
-SMALLEST_SUPPORT = 3  # px of strong evidence
+MIN_AREA = 6  # px
+MIN_SUPPORT = 3  # px of strong evidence
 CONTRAST_SHARES = (0.1, 0.2)  # of a component's peak: fainter pixels are shade or shadow round it
-SPECK = 2  # px: so thin a component is no body, at which share ever it is cut
+SPECK = 2  # px: a thinner component is not a body, whichever share of the peak it is cut at
 IN_DOUBT = 1.5  # times as clear must a body be to be cut at the higher share
 ARM_SHARE = 0.25  # of the inscribed radius: an object that holds a body at the edge is at least as thick
 MAX_BLOBS = 16  # a frame
@@ -113,7 +113,7 @@ class Component:
         return (self.left, self.top, self.left + width, self.top + height)
 
     def moved(self, left: int, top: int) -> Component:
-        """The same component where the corner of the image lies farther left and up by so much."""
+        """The same component in an image whose corner lies ``left`` and ``top`` px farther left and up."""
         return replace(self, left=self.left + left, top=self.top + top)
 
 
@@ -137,7 +137,7 @@ def components(
 ) -> Iterator[Component]:
     """Connected parts that differ from the background: weakly, but in touch with a strong difference.
 
-    Only windows round the strong differences are looked at, which grow until they hold the parts whole.
+    Only windows round the strong differences are searched, which grow until they hold the parts whole.
     ``colour_mask`` (h, w) limits the search to some pixels.
     """
     strong = background_range.strongly(image)
@@ -174,7 +174,7 @@ def whole_parts(
 def parts_of(
     background_range: BackgroundRange, image: Bytes, box: Box, colour_mask: Flags | None = None
 ) -> list[Component]:
-    """The components in a box, of which that is the image; those that reach a side may be parts of larger ones.
+    """The components of the image of a box; those that reach a side may be parts of larger ones.
 
     ``colour_mask`` (h, w) limits the search to some pixels of the box.
     """
@@ -190,7 +190,7 @@ def parts_of(
     labels, boxes = connected_parts(closed, strong)
     found = []
     for number, (left, top, right, bottom, support) in enumerate(boxes.tolist(), start=1):
-        if support >= SMALLEST_SUPPORT:
+        if support >= MIN_SUPPORT:
             inside = (slice(top, bottom), slice(left, right))
             excess = part.part((left, top, right, bottom)).excess(image[inside])
             mask = (labels[inside] == number).view(np.uint8)
@@ -199,7 +199,7 @@ def parts_of(
 
 
 def _reaches_side(part: Box, box: Box, size: tuple[int, int]) -> bool:
-    """Whether a part comes so near to a side of its box, which is no side of the image, that it may go on there."""
+    """Whether a part may go on beyond a side of its box: it comes near to a side that is not a side of the image."""
     low = any(part[k] < box[k] + FRAYED and box[k] > 0 for k in (0, 1))
     return low or any(part[k + 2] > box[k + 2] - FRAYED and box[k + 2] < size[k] for k in (0, 1))
 
@@ -270,12 +270,12 @@ def stout(component: Component) -> Component:
 
 
 def _blobs_at(component: Component, faintest: float, shape: tuple[int, ...]) -> tuple[list[Blob], float]:
-    """The blobs of those parts of a component that differ by so many grey levels at least, and how clear they are.
+    """The blobs of the parts of a component that differ by ``faintest`` grey levels or more, and how clear they are.
 
     See :func:`cut_at`.
     """
     level = np.ascontiguousarray(component.level)
-    owner, depth, table, clearness = cut_at(component.mask, level, faintest, SMALLEST_AREA)
+    owner, depth, table, clearness = cut_at(component.mask, level, faintest, MIN_AREA)
     rows = enumerate(table, start=1)
     return [_blob(component, shape, (owner, depth), number, row) for number, row in rows], clearness
 
@@ -289,7 +289,7 @@ def _blob(component: Component, shape: tuple[int, ...], seen: tuple[Labels, Imag
     x, y = component.left + left, component.top + top
     edge = _at_edge((x, y, component.left + right, component.top + bottom), shape)
     held = edge
-    if not edge and thickest >= THINNEST:
+    if not edge and thickest >= MIN_INSCRIBED:
         whole = tuple(int(side) for side in row[WHOLE : WHOLE + 4])
         if _near_edge(_moved(whole, component), ARM_SHARE * thickest, shape):
             held = _hangs_on_edge(depth, (int(row[SEED]), int(row[SEED + 1]), inscribed), component, shape)

@@ -1,4 +1,4 @@
-"""Bodies measured against what lies just outside of them in the same frame: no background image is needed."""
+"""Bodies measured against the ring of pixels round them in the same frame: no background image is needed."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ import numpy as np
 from iris_sysid.types import Frame
 from trackers._background.median import Background, BackgroundEstimate
 from trackers._detection.detection import BlobDetector
-from trackers._detection.foreground import SMALLEST_AREA, Blob, Component
+from trackers._detection.foreground import MIN_AREA, Blob, Component
 from trackers._frames.arrays import MAD_TO_SD, QUANTISATION_SD, Bytes, Image
 from trackers._frames.sampled_frames import SampledFrames
 from trackers._frames.working_image import View
 
-RING, GAP = 9, 3  # px at the size of the search: width of the ring outside of a body, and from where on
+RING, GAP = 9, 3  # px of the search image: width of the ring round a body, and the gap between body and ring
 MIN_RING = 12  # px that show the surroundings
 
 
@@ -26,7 +26,7 @@ def components_of(mask: Bytes) -> list[Component]:
     components = []
     for label in range(1, count):
         left, top, width, height, area = (int(value) for value in stats[label])
-        if area >= SMALLEST_AREA:
+        if area >= MIN_AREA:
             body = (labels[top : top + height, left : left + width] == label).astype(np.uint8)
             components.append(Component(body, 255 * body, left, top))
     return components
@@ -38,7 +38,7 @@ def local_detector(view: View, frame: Frame, image: Bytes, covered: Bytes, blob:
     Parameters
     ----------
     view
-        How the frame is looked at.
+        Region of interest and size of the search image.
     frame
         The frame.
     image

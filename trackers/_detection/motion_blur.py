@@ -18,18 +18,17 @@ from trackers._detection.subpixel_centroid import Centre, Window
 from trackers._detection.window_kernels import moments_of_difference
 from trackers._frames.arrays import MAD_TO_SD, Flags
 
-SHORTEST = 0.5  # of the radius: after a shorter distance the outline still shows the body
-LARGEST = 1.5  # times the radius by the moments: the fit of a larger disc follows an outline that is none of a streak
-SMALLEST = 15.0  # px, radius: of a smaller disc too few pixels tell shading, shadow and sweep apart
+MIN_WAY = 0.5  # of the radius: after a shorter distance the outline still shows the body
+MAX_RADIUS_RATIO = 1.5  # fitted radius over the radius by the moments: a larger disc fits an outline without streak
+MIN_RADIUS = 15.0  # px, radius: of a smaller disc too few pixels tell shading, shadow and sweep apart
 FRINGE = 5  # px round the body that are compared
-THINNED = 4  # of the pixels one tells the sweep well enough to see which are outliers
+THINNED = 4  # every fourth pixel determines the sweep well enough to find the outliers
 OUTLIER = 4.0  # standard deviations: a cord, a mark, another body
-UNEXPLAINED = (
-    0.02  # of the sum of squares, by a body that is no disc, or that turned back meanwhile; a disc leaves 0.01
-)
+# of the sum of squares: a body that is not a disc, or that turned back within the exposure, leaves more; a disc 0.01
+UNEXPLAINED = 0.02
 HOPELESS, DOUBTFUL = 0.15, 0.03  # the same of a fourth of the pixels, by the guess and by the first fit
 STEPS = 100  # at most
-FIRST, SOON = 2, 0.35  # steps, after which what is no streak has a shorter way than that; of the radius
+FIRST, SOON = 2, 0.35  # steps of the fit; after them a way below this share of the radius is not a streak
 ROUGH, PRECISE = 1e-3, 1e-5  # relative change of the sum of squares at which a fit ends
 BLOCK = 16  # px: a coder moves and rounds squares of this size as one
 
@@ -57,7 +56,7 @@ class Sweep:
     @property
     def is_streak(self) -> bool:
         """Whether the outline is too wide to be seen as such, of a disc large enough to show its shading beside it."""
-        return self.radius > SMALLEST and self.length > SHORTEST * self.radius
+        return self.radius > MIN_RADIUS and self.length > MIN_WAY * self.radius
 
     def terms(self, columns: Array, rows: Array) -> Array:
         """Coverage of pixels (n,) by the disc and its shading terms, (4, n).
@@ -105,10 +104,10 @@ def streak_centre(window: Window, centre: Centre) -> Centre:
     if few.unexplained(guess) > HOPELESS:
         return centre
     sweep = few.swept(guess, ROUGH, FIRST)[0]
-    if sweep.length < SOON * sweep.radius or sweep.radius > LARGEST * guess.radius:
+    if sweep.length < SOON * sweep.radius or sweep.radius > MAX_RADIUS_RATIO * guess.radius:
         return centre
     sweep = few.swept(sweep, ROUGH)[0]
-    if not sweep.is_streak or sweep.radius > LARGEST * guess.radius or few.unexplained(sweep) > DOUBTFUL:
+    if not sweep.is_streak or sweep.radius > MAX_RADIUS_RATIO * guess.radius or few.unexplained(sweep) > DOUBTFUL:
         return centre
     kept = pixels.only(_plain(pixels.left_over(sweep)))
     sweep, left = kept.swept(sweep, PRECISE)
@@ -181,7 +180,7 @@ def _pixels(window: Window, sweep: Sweep) -> _Pixels:
 
 
 def _plain(left_over: Array) -> Flags:
-    """Which pixels (n,) are no outliers in any channel."""
+    """Pixels (n,) that are not outliers in any channel."""
     spread = MAD_TO_SD * np.median(np.abs(left_over), axis=0)
     return np.asarray((np.abs(left_over) < OUTLIER * spread).all(axis=1))
 

@@ -17,16 +17,16 @@ from trackers._frames.arrays import Bytes, Flags, Image
 FINER_SMALL, FINER_LARGE = 4, 2  # how much finer than the pixels the half-way contour is drawn
 SMALL_WINDOW = 64  # px
 CORD_SHARE = 0.2  # of the inscribed radius: a thinner part is a cord
-SMALLEST_STREAK = 5.0  # px, half the thickness of a body whose outline may be wide in some directions
-WIDEST = 0.6  # of half the thickness of a body: half the width of the most blurred outline
-FARTHER = 2.0  # px beyond the widest outline up to which its coverage is looked at
+MIN_STREAK_DEPTH = 5.0  # px, half the thickness of a body whose outline may be wide in some directions
+MAX_HALF_WIDTH = 0.6  # of half the thickness of a body: half the width of the most blurred outline
+FARTHER = 2.0  # px beyond the widest outline: coverage farther out does not count
 TAIL = 0.03  # mean coverage, or fall of it, at which the outline has ended
 STEPS_APART = 6  # quarters of a px over which the coverage falls, or no longer does
-NARROWEST = 0.75  # px, half the width of the sharpest outline: half a pixel's diagonal
+MIN_HALF_WIDTH = 0.75  # px, half the width of the sharpest outline: half a pixel's diagonal
 QUARTER = 0.25  # px from one ring about the outline to the next
 RING_QUARTERS = 3  # of a px, width of a ring
 HALF = np.float32(0.5)  # coverage on the outline
-# widest half widths and px off the outline, from where on half the width of the outline there is not asked for
+# largest half widths, and px, from the outline: the half width is computed only for nearer pixels
 FAR_WIDTHS, FAR = 1.5, 4.0
 
 
@@ -106,7 +106,7 @@ def _without_cords(mask: Bytes) -> tuple[Bytes, Image]:
 
 @kernel(nogil=True)
 def _in_pixels(inside: Image, outside: Image, corner: tuple[int, int], finer: int) -> Image:
-    """Signed distance (h, w), px, from the distances at ``finer`` pixels, of which those inside begin at a corner."""
+    """Signed distance (h, w), px, from distances at ``finer`` pixels; those inside are a window at ``corner``."""
     height, width = outside.shape[0] // finer, outside.shape[1] // finer
     top, left = corner
     signed = np.float32(0.5) - outside
@@ -127,15 +127,17 @@ def _half_width(share: Image, distance: Image, axes: int) -> Image:
     """Half the width (h, w) of the outline, px; see :func:`outline`."""
     height, width = share.shape
     thickness = distance.max()
-    if axes == 1 or thickness < SMALLEST_STREAK:
+    if axes == 1 or thickness < MIN_STREAK_DEPTH:
         away, beside, _ = _outside(share, distance, np.empty((0, 0)))
-        alike = _reach(away, beside, max(1.0, WIDEST * thickness), True)
+        alike = _reach(away, beside, max(1.0, MAX_HALF_WIDTH * thickness), True)
         return np.full((height, width), alike, dtype=np.float32)
     turns = _turns(distance, axes)
     away, beside, axis = _outside(share, distance, turns)
     reaches = np.empty(axes + 1)
     for k in range(axes):
-        reaches[k] = _reach(away[axis % axes == k], beside[axis % axes == k], max(1.0, WIDEST * thickness), False)
+        reaches[k] = _reach(
+            away[axis % axes == k], beside[axis % axes == k], max(1.0, MAX_HALF_WIDTH * thickness), False
+        )
     reaches[axes] = reaches[0]
     widest = reaches.max()
     half_width = np.full((height, width), widest, dtype=np.float32)
@@ -166,7 +168,7 @@ def _turns(distance: Image, axes: int) -> Array:
     It is that of pixels at most as far outside as the widest outline reaches, and as far inside.
     """
     x, y = _middle(distance)
-    farthest = FAR_WIDTHS * max(1.0, WIDEST * distance.max()) + FAR
+    farthest = FAR_WIDTHS * max(1.0, MAX_HALF_WIDTH * distance.max()) + FAR
     turns = np.zeros(distance.shape)
     for row in range(distance.shape[0]):
         for column in range(distance.shape[1]):
@@ -182,13 +184,13 @@ def _outside(share: Image, distance: Image, turns: Array) -> tuple[Image, Image,
 
     ``turns`` (h, w) are those directions; where there are none it is 0.
     """
-    farthest = max(1.0, WIDEST * distance.max()) + FARTHER
+    farthest = max(1.0, MAX_HALF_WIDTH * distance.max()) + FARTHER
     away = np.empty(share.size, dtype=np.float32)
     beside = np.empty(share.size, dtype=np.float32)
     axis, count = np.zeros(share.size, dtype=np.int64), 0
     for row in range(share.shape[0]):
         for column in range(share.shape[1]):
-            if -farthest < distance[row, column] < -NARROWEST:
+            if -farthest < distance[row, column] < -MIN_HALF_WIDTH:
                 away[count], beside[count] = -distance[row, column], share[row, column]
                 if turns.size:
                     axis[count] = int(np.rint(turns[row, column]))
@@ -212,7 +214,7 @@ def _reach(away: Image, beside: Image, widest: float, trimmed: bool) -> float:
     levels, count = np.empty(int((widest + 1.0) / QUARTER) + 4), 0
     order, starts = _by_quarters(away, levels.size + RING_QUARTERS)
     ring = np.empty(away.size + 1, dtype=np.float32)
-    half_width = NARROWEST
+    half_width = MIN_HALF_WIDTH
     while half_width < widest + 1.0:
         size = 0
         for k in order[starts[count] : starts[count + RING_QUARTERS]]:
@@ -225,7 +227,7 @@ def _reach(away: Image, beside: Image, widest: float, trimmed: bool) -> float:
         if count >= STEPS_APART and levels[count - STEPS_APART] - level < TAIL:
             return half_width - STEPS_APART / 4
         count += 1
-        half_width = NARROWEST + QUARTER * count
+        half_width = MIN_HALF_WIDTH + QUARTER * count
     return widest
 
 
@@ -233,11 +235,11 @@ def _reach(away: Image, beside: Image, widest: float, trimmed: bool) -> float:
 def _by_quarters(away: Image, count: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Numbers of the pixels by how many quarters of a px they are off, and where each quarter begins among them.
 
-    ``away`` (n,), px, is above ``NARROWEST``, where the first of ``count`` quarters begins.
+    ``away`` (n,), px, is above ``MIN_HALF_WIDTH``, where the first of ``count`` quarters begins.
     """
     quarter, starts = np.empty(away.size, dtype=np.int64), np.zeros(count + 1, dtype=np.int64)
     for k in range(away.size):
-        quarter[k] = min(int((away[k] - NARROWEST) / QUARTER), count - 1)
+        quarter[k] = min(int((away[k] - MIN_HALF_WIDTH) / QUARTER), count - 1)
         starts[quarter[k] + 1] += 1
     for k in range(count):
         starts[k + 1] += starts[k]

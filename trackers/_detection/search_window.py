@@ -18,7 +18,7 @@ import numpy as np
 from iris_sysid.types import Frame
 from trackers._background.median import estimate_background
 from trackers._detection.coded_planes import PlaneLimits
-from trackers._detection.detection import THINNEST_BODY, BlobDetector, FrameCandidates
+from trackers._detection.detection import MIN_INSCRIBED, BlobDetector, FrameCandidates
 from trackers._detection.foreground import (
     BackgroundRange,
     Blob,
@@ -42,7 +42,7 @@ SPACING = 4  # pixels of the search between those of the sparse grid
 WATCH_SIGMAS, WATCH_FLOOR = 5.0, 8.0  # floor in grey levels: surely something
 Result = TypeVar("Result")
 PAIR = np.ones((2, 2), np.uint8)  # pixels of the sparse grid: the search of the whole image finds smaller bodies
-GROWN_SHARE, GROWN_PX = 0.2, 6  # of its size, and px of the search: how far a thing may go in a frame
+GROWN_SHARE, GROWN_PX = 0.2, 6  # of its size, and px of the search: how far an object may go in a frame
 MAX_CHANGES = 16  # a frame: more are flicker, or a camera that was pushed
 GROWTHS = 3  # times a part of the image is made larger until it holds what is in it
 
@@ -52,8 +52,8 @@ class SearchWindows:
     """Looks for bodies frame by frame, in order.
 
     ``background_range`` holds the grey levels of the background at the size of the search, ``sparse_range`` those at
-    the pixels of the sparse grid; None to search the whole of every frame. ``plane_limits`` tell by the planes as coded
-    where a frame may differ, if that is known.
+    the pixels of the sparse grid; None to search the whole of every frame. ``plane_limits`` show in the planes as coded
+    where a frame may differ, if they are known.
     """
 
     view: View
@@ -99,7 +99,7 @@ class SearchWindows:
         """What may be a body in every frame, in order."""
         if self.sparse_range is None:
             yield from self.each(detector.candidates, frames)
-        else:  # the search takes less time than what is made of it by others
+        else:  # the search takes less time than the measurement of its results in the other threads
             yield from (detector.candidates(*found) for found in self.in_order(frames))
 
     def _found(self, frame: Frame, boxes: list[Box]) -> tuple[dict[Box, list[Component]], list[Blob]]:
@@ -151,7 +151,7 @@ class SearchWindows:
         return merged(known + changes) if len(changes) <= MAX_CHANGES else [self._whole]
 
     def _changes(self, sparse_range: BackgroundRange, image: Bytes, known: list[Box]) -> list[Box]:
-        """Boxes round the pixels of the sparse grid that show something compact which is not in the known boxes."""
+        """Boxes round the pixels of the sparse grid that show a compact object outside of the known boxes."""
         shown = any_channel(sparse_range.excess(image) > sparse_range.strong).astype(np.uint8)
         for left, top, right, bottom in known:
             shown[top // SPACING : -(-bottom // SPACING), left // SPACING : -(-right // SPACING)] = 0
@@ -170,13 +170,13 @@ class SearchWindows:
         return (max(0, box[0] - across), max(0, box[1] - down), min(width, box[2] + across), min(height, box[3] + down))
 
     def _leaves(self, part: Box, box: Box) -> bool:
-        """Whether something reaches a side of its box that is no side of the image."""
+        """Whether a part reaches a side of its box that is inside the image."""
         return any(end == limit != edge for end, limit, edge in zip(part, box, self._whole, strict=True))
 
 
 def _followed(foreground: list[Blob]) -> list[Box]:
     """The boxes of those blobs of the foreground that are thick enough for a body."""
-    return [blob.box for blob in foreground if blob.inscribed > THINNEST_BODY]
+    return [blob.box for blob in foreground if blob.inscribed > MIN_INSCRIBED]
 
 
 def sparse_range_of(

@@ -11,11 +11,11 @@ from iris_sysid.io.kernels import kernel
 from iris_sysid.types import Array
 from trackers._frames.arrays import Bytes, Image
 
-INSIDE = 0.5  # px, depth from which on a pixel tells
+INSIDE = 0.5  # px: a pixel deeper than this counts in the fit of the shading
 TERMS, LINEAR = 6, 3  # of the quadratic polynomial, and of its linear part
 MIN_A_TERM, MAX_SHADED = 60, 1500  # pixels for each term; pixels to which it is fitted
 EXPLAINED = 0.15  # of the variance that fewer terms leave
-RIDGE = 1e-9  # of the mean square of the constant term, added to each: pixels in one line do not tell all terms apart
+RIDGE = 1e-9  # of the mean square of the constant term, added to each: pixels in one line do not determine all terms
 
 
 @kernel(nogil=True)
@@ -31,7 +31,7 @@ def shading(image: Image, depth: Image, near: Bytes) -> Image:
     depth
         Depth (h, w) of each pixel within the body, px.
     near
-        Pixels (h, w) in which it is asked for, besides those inside; elsewhere it is 0.
+        Pixels (h, w) at which the polynomial is evaluated, besides those inside; elsewhere it is 0.
     """
     height, width, channels = image.shape
     places, values = _inside(image, depth)

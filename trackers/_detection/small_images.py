@@ -15,17 +15,17 @@ BEYOND = 4.0  # standard deviations up to which a blur reaches
 # 1e-4 px, steps of a distance: to the next pixel, along a diagonal, like a knight's (G. Borgefors 1986, Comput. Vis.
 # Graph. Image Process. 34, 344)
 STRAIGHT, DIAGONAL, KNIGHT = np.int32(10000), np.int32(14000), np.int32(21969)
-FARTHEST = 2**29
+UNREACHED = 2**29  # distance of a pixel that no path has reached yet
 
 
 @kernel(nogil=True)
 def chamfer(mask: Bytes, outside: bool) -> Image:
     """Distance (h, w), px, of each pixel to the nearest that is 0, within 2 %; as by a mask of 5 x 5 in OpenCV.
 
-    ``outside`` says that what lies outside of the mask is 0; if not, it does not count.
+    ``outside`` says that pixels outside of the mask are 0; if not, they do not count.
     """
     height, width = mask.shape
-    steps = np.full((height + 4, width + 4), 0 if outside else FARTHEST, dtype=np.int32)
+    steps = np.full((height + 4, width + 4), 0 if outside else UNREACHED, dtype=np.int32)
     by_rows, depth = np.empty(width, dtype=np.int32), np.empty((height, width), dtype=np.float32)
     for y in range(2, height + 2):
         _by_rows(by_rows, steps[y - 2], steps[y - 1], mask[y - 2])
@@ -57,7 +57,7 @@ def _by_rows(least: np.ndarray, two: np.ndarray, one: np.ndarray, mask: Bytes) -
 
 @kernel(nogil=True)
 def dilated(mask: Bytes, by: int) -> Bytes:
-    """1 where a mask (h, w) is 1 in a square of so many px on every side; outside it is 0."""
+    """Dilation of a mask (h, w) by a square that reaches ``by`` px on every side; outside the mask is 0."""
     height, width = mask.shape
     wide = np.zeros((height, width), dtype=np.uint8)
     high = np.zeros((height, width), dtype=np.uint8)
@@ -93,7 +93,7 @@ def _add_both(into: Image, weight: np.float32, of: Image, other: Image) -> None:
 
 @kernel(nogil=True)
 def opened(mask: Bytes) -> Bytes:
-    """A mask (h, w) without what is thinner than 3 px; what lies outside of it does not count."""
+    """A mask (h, w) without parts thinner than 3 px; pixels outside of it do not count."""
     return dilated(1 - dilated(1 - mask, 1), 1)
 
 

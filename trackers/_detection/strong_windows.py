@@ -1,4 +1,4 @@
-"""Windows of an image that hold all strong differences from the background: the rest need not be looked at."""
+"""Windows of an image that hold all strong differences from the background: the rest need not be searched."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import numpy as np
 
 from trackers._frames.arrays import Box, Bytes
 
-TILE = 16  # px, side of the squares in which differences are looked for
+TILE = 16  # px, side of the squares that are marked where they hold a difference
 AROUND = 8  # px round them at first
-WORD = 8  # bytes looked at together
+WORD = 8  # bytes compared with 0 at once
 HALF = 0.5  # of the image: if windows cover more of it, the whole is as quick
 
 
@@ -21,7 +21,7 @@ def windows_of(strong: Bytes) -> list[Box]:
 
 
 def tiles_of(mask: Bytes, side: int) -> Bytes:
-    """Squares of so many px a side that may hold pixels of a mask (h, w) that are not 0: 1, the others 0."""
+    """1 for each square, ``side`` px a side, that may hold pixels of a mask (h, w) that are not 0; 0 for the others."""
     height, width = mask.shape
     grid = np.zeros((-(-height // side), -(-width // side)), dtype=np.uint8)
     first = _words(mask)
@@ -49,7 +49,7 @@ def _words(mask: Bytes) -> np.ndarray:
 
 
 def grown(box: Box, by: int, size: tuple[int, int]) -> Box:
-    """A box made larger by so many px on every side, within an image of that width and height."""
+    """A box made larger by ``by`` px on every side, within an image of that width and height."""
     return (max(0, box[0] - by), max(0, box[1] - by), min(size[0], box[2] + by), min(size[1], box[3] + by))
 
 

@@ -80,7 +80,7 @@ def coverage_centre(window: Window, *, refined: bool = True) -> Centre:
     window
         The pixels round the body.
     refined
-        Whether outline and background are looked at again by the first result; if not, the centre is a good guess.
+        Whether outline and background are estimated again from the first result; if not, the centre is a good guess.
     """
     share, variance = coverage(window.planes, window.mask, window.other, window.inflation, refined)
     return _moments(window, share, variance)

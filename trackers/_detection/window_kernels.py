@@ -16,10 +16,10 @@ from trackers._detection.small_images import chamfer, dilated, mirrored, opened,
 from trackers._frames.arrays import Bytes, Image
 
 RING = 4  # px from the body to the ring in which the background's level is compared
-DARKEST_SHADE = 0.6  # of the light remains in a shadow
-GREY = 128.0  # grey level of a colour plane where there is no colour
-COLOUR_SIGMAS, COLOUR_FLOOR = 3.0, 3.0  # floor in grey levels: by so much a shadow's colour may be off
-MOSTLY_BODY = 0.5  # of the inscribed radius: deeper than that lies the body
+MIN_SHADE = 0.6  # of the light remains in a shadow
+GREY = 128.0  # level of a colour plane where the image is grey
+COLOUR_SIGMAS, COLOUR_FLOOR = 3.0, 3.0  # floor in grey levels: largest change of colour in a shadow
+CORE_DEPTH = 0.5  # of the inscribed radius: deeper pixels are of the body
 ROUNDER = 1.15  # times: least gain in roundness when a possible shadow is removed
 STEEP = 0.9  # of the pixels of an outline are less steep
 
@@ -28,7 +28,7 @@ STEEP = 0.9  # of the pixels of an outline are less steep
 def paste(into: Bytes, left: int, top: int, mask: Bytes, x0: int, y0: int, finer: int) -> None:
     """Set the pixels of a window (h, w) at (left, top) that a mask covers.
 
-    The mask is at (x0, y0), in pixels that are so many times larger than those of the window.
+    The mask is at (x0, y0), in pixels ``finer`` times larger than those of the window.
     """
     for y in range(max(0, y0 * finer - top), min(into.shape[0], (y0 + mask.shape[0]) * finer - top)):
         for x in range(max(0, x0 * finer - left), min(into.shape[1], (x0 + mask.shape[1]) * finer - left)):
@@ -37,14 +37,14 @@ def paste(into: Bytes, left: int, top: int, mask: Bytes, x0: int, y0: int, finer
 
 @kernel(nogil=True)
 def made_ready(planes: Planes, mask: Bytes, other: Bytes, finer: int) -> tuple[Image, Bytes, Bytes]:
-    """The background (h, w, channels) at its level about a body, the body's mask, and that of other things (h, w).
+    """The background (h, w, channels) at its level about a body, the body's mask, and that of other objects (h, w).
 
     Parameters
     ----------
     planes
         Frame, background and noise (h, w, channels), grey levels.
     mask, other
-        1 where the body was found (h, w), and where other things are.
+        1 where the body was found (h, w), and where other objects are.
     finer
         How much larger the pixels were in which they were found.
     """
@@ -130,7 +130,7 @@ def _shaded(image: Image, background: Image, noise: Image) -> Bytes:
     for y in range(height):
         for x in range(width):
             light = _mean_about(image, y, x, 0) / max(background[y, x, 0], np.float32(1))
-            dark = DARKEST_SHADE < light < 1
+            dark = MIN_SHADE < light < 1
             for c in range(1, channels):
                 if dark:
                     off = _mean_about(image, y, x, c) - (GREY + (background[y, x, c] - GREY) * light)
@@ -154,7 +154,7 @@ def _without(mask: Bytes, shaded: Bytes) -> Bytes:
     """A mask without the shadow that hangs on the body; as it is where that makes it no rounder: a grey body."""
     body = opened(mask & (1 - shaded))
     depth = chamfer(body, True)
-    body = filled_about(body, (depth > MOSTLY_BODY * depth.max()).astype(np.uint8))
+    body = filled_about(body, (depth > CORE_DEPTH * depth.max()).astype(np.uint8))
     return body if _roundness(body) > ROUNDER * _roundness(mask) else mask
 
 
@@ -215,7 +215,7 @@ def moments_of_difference(planes: Planes, mask: Bytes, other: Bytes, reach: int)
 
 @kernel(nogil=True)
 def _moments_of(weights: Array) -> Array:
-    """Mean column and row, variances and covariance (5,) of the pixels of a window that weigh so much (h, w)."""
+    """Mean column and row, variances and covariance (5,) of the pixels of a window with ``weights`` (h, w)."""
     total = squares = middle = height = 0.0
     for row in range(weights.shape[0]):
         for column in range(weights.shape[1]):

@@ -13,7 +13,7 @@ from trackers._frames.arrays import Flags, Image
 from trackers._frames.working_image import View
 
 ROUND_DISC = 3.0  # px about an expected disc that its outline may take
-MIN_SAMPLES = 3  # that must show what is behind
+MIN_SAMPLES = 3  # that must show the background
 
 
 @dataclass(frozen=True, eq=False, slots=True)

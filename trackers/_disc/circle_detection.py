@@ -16,11 +16,11 @@ from trackers._frames.ahead import ahead
 from trackers._frames.arrays import Bytes
 from trackers._frames.working_image import View
 
-WIDEST_SEARCH = 480  # px
+MAX_SEARCH_WIDTH = 480  # px
 SMOOTHING = 1.5  # px, before the search
-CELL, APART, STEEPEST, ROUNDNESS, SMALLEST = 1.5, 5, 150, 0.8, 4  # of HOUGH_GRADIENT_ALT, as OpenCV suggests
+CELL, APART, CANNY_HIGH, ROUNDNESS, MIN_RADIUS = 1.5, 5, 150, 0.8, 4  # of HOUGH_GRADIENT_ALT, as OpenCV suggests
 MAX_CIRCLES = 8  # a frame
-LONGEST_GAP = 5  # frames between two circles of one path
+MAX_GAP = 5  # frames between two circles of one path
 CENTRE_CHANGE = 0.4  # of the radius: how far the centre may go from frame to frame
 RADIUS_CHANGE = 0.25  # log ratio of two radii in successive frames
 MIN_CHANGE = 4.0  # px, at the size searched, of centre or radius over a path: less is part of the background
@@ -41,7 +41,7 @@ class Search:
     @property
     def step(self) -> int:
         """How many pixels a side make one."""
-        return -(-max(self.view.width, self.view.height) // WIDEST_SEARCH)
+        return -(-max(self.view.width, self.view.height) // MAX_SEARCH_WIDTH)
 
     def small(self, image: Bytes) -> Bytes:
         """The image (luma) at the size of the search."""
@@ -68,9 +68,9 @@ def circles(image: Bytes) -> Array:
         cv2.HOUGH_GRADIENT_ALT,
         dp=CELL,
         minDist=APART,
-        param1=STEEPEST,
+        param1=CANNY_HIGH,
         param2=ROUNDNESS,
-        minRadius=SMALLEST,
+        minRadius=MIN_RADIUS,
         maxRadius=max(image.shape),
     )
     if detected is None:
@@ -79,7 +79,7 @@ def circles(image: Bytes) -> Array:
 
 
 def path_of_circles(video: FrameSource, view: View) -> ExpectedPath | None:
-    """The path of the disc that moves or changes its size most lastingly; None when there is none."""
+    """The path of the disc that moves or changes its size over most frames; None when there is none."""
     search = Search(view)
     times: dict[int, float] = {}
     nodes: list[tuple[int, Array]] = []
@@ -127,7 +127,7 @@ def _longest_chain(nodes: list[tuple[int, Array]], allowed: Iterable[int]) -> Ch
         best[k], before[k] = 1.0, None
         for j in reversed(order[:index]):
             gap = frame - nodes[j][0]
-            if gap > LONGEST_GAP:
+            if gap > MAX_GAP:
                 break
             cost = _cost(nodes[j][1], circle, gap) if gap > 0 else np.inf
             if best[j] + 1.0 - cost > best[k]:

@@ -13,7 +13,7 @@ from trackers._disc.edge_coverage import BLUR_REACH, edge_coverage
 
 PIXEL_VARIANCE = 1.0 / 12.0  # px^2, of a pixel in any direction
 HALF_DIAGONAL = math.sqrt(0.5)  # px
-SMALLEST_RHO = 1e-9  # px: the centre of a disc has no direction
+MIN_RHO = 1e-9  # px: the centre of a disc has no direction
 
 
 @kernel(nogil=True)
@@ -104,7 +104,7 @@ def _covered(
     These are the derivatives by the distance from the edge and by the blur, and the direction of the pixel.
     """
     radius = steps[part, 2]
-    rho = max(math.sqrt(squared), SMALLEST_RHO)  # several times as fast as math.hypot
+    rho = max(math.sqrt(squared), MIN_RHO)  # several times as fast as math.hypot
     inverse = 1.0 / rho
     cos, sin = dx * inverse, dy * inverse
     bend = 0.5 * min(inverse, 2.0 / radius)

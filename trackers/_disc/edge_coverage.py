@@ -9,8 +9,8 @@ import numpy as np
 
 from iris_sysid.io.kernels import kernel
 
-NARROWEST = 1e-3  # px: side of a box that is taken for a line, so that no difference cancels
-SHARPEST = 1e-12  # px^2: variance of the blur of a sharp edge
+MIN_WIDTH = 1e-3  # px: side of a box that is taken for a line, so that no difference cancels
+MIN_VARIANCE = 1e-12  # px^2: variance of the blur of a sharp edge
 ENDED = 8.5  # standard deviations after which 1 - Phi is lost in rounding
 ROOT_HALF, NORMAL_PEAK = math.sqrt(0.5), 1 / math.sqrt(2 * math.pi)
 NODES = 128  # of the table of the normal distribution to one standard deviation: its Taylor series has 1e-16 between
@@ -46,8 +46,8 @@ def edge_coverage(distance: float, cos: float, sin: float, variance: float) -> t
     share, by_distance, by_variance : float
         Share, and its derivatives by the distance (1/px) and by the variance (1/px^2).
     """
-    a, b = max(abs(cos), NARROWEST), max(abs(sin), NARROWEST)
-    v = max(variance, SHARPEST)
+    a, b = max(abs(cos), MIN_WIDTH), max(abs(sin), MIN_WIDTH)
+    v = max(variance, MIN_VARIANCE)
     s = math.sqrt(v)
     high, low = 0.5 * (a + b), 0.5 * (a - b)
     inverse, share_of = 1.0 / s, 1.0 / (a * b)

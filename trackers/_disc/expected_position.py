@@ -12,9 +12,9 @@ from trackers._detection.detection import FrameDetections
 from trackers._disc.model import Disc, Motion
 from trackers._linking.frame_to_frame import Tracklet
 
-NEIGHBOURS = 2  # detections on either side that tell the radius
-LONGEST_BREAK_S = 0.3  # no velocity is estimated across a longer gap
-LESS_BENT = 0.5  # of the bend of the discs on both sides: from here on those of one side tell the motion
+NEIGHBOURS = 2  # detections on either side whose median gives the radius
+MAX_BREAK_S = 0.3  # no velocity is estimated across a longer gap
+LESS_BENT = 0.5  # of the bend of the discs on both sides: where one side bends less, it alone gives the motion
 
 
 @dataclass(eq=False, slots=True)
@@ -38,7 +38,7 @@ class ExpectedPath:
         """
         near = self._near(frame)
         elapsed = self.times[near[-1]] - self.times[near[0]] if near else 0.0
-        if exposure_share == 0 or not 0 < elapsed <= LONGEST_BREAK_S or not near[0] <= frame <= near[-1]:
+        if exposure_share == 0 or not 0 < elapsed <= MAX_BREAK_S or not near[0] <= frame <= near[-1]:
             return Motion()
         t_s = (np.array([self.times[number] for number in near]) - self.times[frame]) / elapsed
         positions = np.array(
@@ -50,7 +50,7 @@ class ExpectedPath:
         return Motion(*(share * slope[1]), *bend)
 
     def _near(self, frame: int) -> list[int]:
-        """The frames of the three discs that tell the motion at a frame."""
+        """The frames of the three discs that give the motion at a frame."""
         frames = sorted(self.discs)
         last = max(0, len(frames) - 3)
         middle = int(np.clip(np.searchsorted(frames, frame) - 1, 0, last))
@@ -62,7 +62,7 @@ class ExpectedPath:
 
     def _bend(self, frames: Sequence[int]) -> float:
         """How far the middle one of three discs lies off the line through the others, px; infinite if far apart."""
-        if len(frames) < 3 or self.times[frames[-1]] - self.times[frames[0]] > LONGEST_BREAK_S:
+        if len(frames) < 3 or self.times[frames[-1]] - self.times[frames[0]] > MAX_BREAK_S:
             return np.inf
         (first, middle, last), (a, b, c) = (self.discs[k] for k in frames), (self.times[k] for k in frames)
         share = (b - a) / (c - a)

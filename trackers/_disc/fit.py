@@ -19,16 +19,16 @@ OUTWARDS = 6.0  # px outside of the outline in which the background must hold
 MARGIN = 2.0  # px round the pixels that count
 MIN_PIXELS = 20
 MAX_FLAT = 4000  # pixels away from the edge that count: more do not help
-MAX_EDGE = 100_000  # pixels of the edge: the edge of a disc is less; what is no disc, and ever softer, takes 60 MB
+MAX_EDGE = 100_000  # pixels of the edge: a disc has fewer; another body, whose edge gets ever softer, takes 60 MB
 MAX_ROUGH = 2000  # pixels of a wide edge, and as many away from it, that find it to a fraction of its width
-THINNED, ENOUGH = 4, 300  # of the pixels one leads near the best fit; pixels that do so
-FARTHEST = (2.0, 0.6)  # px, of the radius: how far a fit may go from where the disc was expected
+THINNED, MIN_THINNED = 4, 300  # every fourth pixel leads near the best fit, if this many remain
+MAX_SHIFT = (2.0, 0.6)  # px, of the radius: how far a fit may go from where the disc was expected
 RADIUS_RATIO = 1.7  # of the radius expected and fitted
-SOFTEST = 0.5  # of the radius: standard deviation of the blur
+MAX_BLUR = 0.5  # of the radius: standard deviation of the blur
 MAX_OVAL = 0.3  # of the radius
 MIN_OUTLINE = 0.5  # of the pixels on the outline must show it
 LAST_STEP = 0.5  # of the standard errors of centre and radius
-LARGEST_ERROR = 0.15  # of the radius
+MAX_ERROR = 0.15  # of the radius
 MIN_CONTRAST = 3.0  # grey levels
 
 
@@ -92,7 +92,7 @@ class DiscFit:
     def aic(self) -> float:
         """Akaike's information criterion a pixel, up to a constant: -2 log likelihood + 2 p, over n.
 
-        The likelihood is that of which Tukey's biweight is the weight.
+        The likelihood is the one whose weight function is Tukey's biweight.
         """
         solution = self.solution
         cost = TUKEY**2 / 3 * (1 - solution.weight**1.5) + 2 * np.log(solution.sigma)
@@ -122,9 +122,9 @@ def shows_disc(fitted: DiscFit, expected: Disc) -> bool:
     """Whether a fit is valid: near the expected disc, along most of its outline, and well determined."""
     disc = fitted.disc
     away = float(np.hypot(disc.x - expected.x, disc.y - expected.y))
-    near = away <= max(FARTHEST[0], FARTHEST[1] * expected.radius)
+    near = away <= max(MAX_SHIFT[0], MAX_SHIFT[1] * expected.radius)
     alike = 1 / RADIUS_RATIO < disc.radius / expected.radius < RADIUS_RATIO
-    round_ = np.sqrt(disc.blur) < SOFTEST * disc.radius and np.hypot(*disc.oval) < MAX_OVAL
+    round_ = np.sqrt(disc.blur) < MAX_BLUR * disc.radius and np.hypot(*disc.oval) < MAX_OVAL
     shown = fitted.outline_share > MIN_OUTLINE and abs(disc.contrast) > MIN_CONTRAST
     return bool(near and alike and round_ and shown and _is_sure(fitted))
 
@@ -133,7 +133,7 @@ def _is_sure(fitted: DiscFit) -> bool:
     """Whether centre and radius are well determined, and the fit came to rest."""
     errors = np.array([fitted.disc.sigma_x, fitted.disc.sigma_y, fitted.disc.sigma_radius])
     settled = np.abs(fitted.solution.last_step[: RADIUS + 1]) < LAST_STEP * errors
-    return bool(np.isfinite(errors).all() and (errors < LARGEST_ERROR * fitted.disc.radius).all() and settled.all())
+    return bool(np.isfinite(errors).all() and (errors < MAX_ERROR * fitted.disc.radius).all() and settled.all())
 
 
 def band(disc: Disc, travel: float) -> tuple[float, float, float]:
@@ -192,7 +192,9 @@ def fit_disc(
         background = np.zeros_like(background)
     x, y = (columns + cutout.left).astype(np.float64), (rows + cutout.top).astype(np.float64)
     model, pixels = DiscModel(x, y, background, start, form, motion), Pixels(values, noise, zone)
-    few = (rows + 2 * columns) % THINNED == 0 if rows.size > THINNED * ENOUGH else np.ones(rows.size, dtype=np.bool_)
+    few = (
+        (rows + 2 * columns) % THINNED == 0 if rows.size > THINNED * MIN_THINNED else np.ones(rows.size, dtype=np.bool_)
+    )
     rough = DiscModel(x[few], y[few], background[few], start, form, motion)
     try:
         first = rough.start(values[few])

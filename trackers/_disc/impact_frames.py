@@ -8,9 +8,9 @@ from numpy.lib.stride_tricks import sliding_window_view
 from iris_sysid.types import Array
 
 SIDE = 3  # samples before, and after: a parabola leads from them to the exposure between
-CLEAR = 6.0  # standard errors of the change of velocity from which on it is an impact
+CLEAR = 6.0  # standard errors: a larger change of velocity is an impact
 FOREMOST = 0.5  # of the largest change nearby: a smaller change beside an impact is its echo
-RARE = 3.0  # times the median change of the track: a motion that bends throughout, as in a fast circle, is no impact
+RARE = 3.0  # times the median change of the track: a fast circle bends throughout, which does not make it an impact
 EVEN = 1.5  # times its even length in time that both sides may take: gaps
 
 

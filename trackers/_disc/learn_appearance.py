@@ -22,11 +22,11 @@ SURROUNDINGS = tuple(
 PLAIN = Form(3, 1)  # with which the shutter is found: an oval would take up a streak
 INTERIORS = (1, 3, 4, 6)
 ROOM = 2.0  # px of radius for each further term of the shading
-SMALLEST_OVAL = 5.0  # px, radius
+MIN_OVAL_RADIUS = 5.0  # px: a smaller disc does not show whether it is oval
 # frames; by five instead of eight the centres of two pendulums at 1280x720 change by 0.006 px rms, 0.15 of their error
 FRAMES_STUDIED = 5
-FRAMES_CORRELATED = 16  # that tell how the noise of pixels is correlated
-FAST = 1.5  # px moved between two frames from which on the shutter shows
+FRAMES_CORRELATED = 16  # from which the correlation of the pixels' noise is measured
+FAST = 1.5  # px moved between two frames: slower motion does not show the shutter
 TOO_FAST = 4.0  # radii moved between two frames: above this the path between them is unknown
 MIN_FAST = 3  # frames
 SHUTTERS = (0.0, 0.25, 0.5, 0.75, 1.0)  # exposure over the time between frames
@@ -35,12 +35,12 @@ FINEST = (-0.04, -0.02, 0.0, 0.02, 0.04)  # about the best of these, once the sh
 CLEARER_AT_REST, CLEARER_MOVING = 1.0, 3.0  # times as sure must colour be as luma: it lags behind where bodies move
 NOT_SEEN = -1e6  # worth of a fit that fails
 WORST = 0.25  # of the frames: in these something else may be wrong
-COUNTS = 0.5  # weight from which on a pixel is of the disc or its surroundings
+COUNTS = 0.5  # weight: a pixel with less is an outlier, neither disc nor surroundings
 SOFT = 0.12  # of the radius: standard deviation of an outline that is far off, at the start
-MOVED = 1.0  # px from the start from which a fit is repeated about its result
+MOVED = 1.0  # px: a fit that ends farther from its start is repeated about its result
 REPEATS = 3
 GAP = 2.0  # px kept from another body
-MOSTLY = 0.8  # of the pixels outside of the outline: if fewer are known, the background is not
+MIN_KNOWN = 0.8  # of the pixels outside of the outline: with fewer known ones the background counts as unknown
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -152,7 +152,7 @@ class DiscFitter:
         edge, _, _ = band(start, travel)
         outside = cutout.distance(start) < edge
         form = appearance.form
-        if form.known_background and known[outside].mean() < MOSTLY:
+        if form.known_background and known[outside].mean() < MIN_KNOWN:
             form = replace(form, exterior=max(form.exterior, 3), known_background=False)
         usable = known | ~outside if form.known_background else np.ones_like(known)
         for other in self._others(body, frame.index):
@@ -206,10 +206,10 @@ def _spread(numbers: Sequence[int], count: int) -> list[int]:
 
 
 def _plane(trials: _Trials, numbers: Sequence[int], clearer: float) -> DiscAppearance:
-    """The plane that tells the centre best, its noise alike in neighbouring pixels as it may be.
+    """The plane that gives the most precise centre, with the noise of neighbouring pixels correlated.
 
-    One of colour must do so ``clearer`` times as well as luma: it is coded at half the size, and where a body moves
-    the coder leaves it behind by more than the noise shows.
+    A plane of colour must be ``clearer`` times as precise as luma: it is coded at half the size, and where a body
+    moves the coder leaves it behind by more than the noise shows.
     """
     appearances = [DiscAppearance(channel=channel) for channel in range(trials.channels)]
     if len(appearances) == 1:
@@ -237,7 +237,7 @@ def _shaded(trials: _Trials, appearance: DiscAppearance, numbers: Sequence[int])
     forms = [replace(appearance.form, interior=interior) for interior in INTERIORS if interior <= room]
     appearance = trials.best([replace(appearance, form=form) for form in forms], numbers, evidence)
     forms = [
-        replace(appearance.form, oval=oval) for oval in (False, True) if not oval or trials.radius >= SMALLEST_OVAL
+        replace(appearance.form, oval=oval) for oval in (False, True) if not oval or trials.radius >= MIN_OVAL_RADIUS
     ]
     return trials.best([replace(appearance, form=form) for form in forms], numbers, evidence)
 

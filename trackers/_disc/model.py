@@ -13,9 +13,9 @@ from trackers._disc.normal_equations import cover, equations, gauss_newton, jaco
 from trackers._disc.robust_least_squares import ROUNDS, Equations, Pixels, Rest, Start
 
 X, Y, RADIUS, BLUR, OVAL_ALONG, OVAL_ACROSS = range(6)  # the first parameters; the grey levels follow
-SHARPEST = 0.004  # px^2, variance of the sharpest edge
+MIN_BLUR = 0.004  # px^2, variance of the sharpest edge
 FIRST_BLUR = 0.1  # px^2, variance of the edge at the start
-SMALLEST = 0.8  # px, radius
+MIN_RADIUS = 0.8  # px, radius
 SUBSTEP = 1.5  # px of motion between two positions within the exposure
 MAX_SUBSTEPS = 16
 
@@ -131,7 +131,7 @@ class DiscModel:
         parameters[outline + self.form.interior] = level
         longest, lowest = np.full(parameters.size, np.inf), np.full(parameters.size, -np.inf)
         longest[:outline] = np.array([0.3 * origin.radius] * 3 + [0.5 + origin.blur, 0.1, 0.1])[:outline]
-        lowest[[RADIUS, BLUR]] = (SMALLEST, SHARPEST)
+        lowest[[RADIUS, BLUR]] = (MIN_RADIUS, MIN_BLUR)
         return Start(parameters, longest, lowest)
 
     def equations(self, parameters: Array, pixels: Pixels, sigma: Array, number: int) -> Equations:
@@ -162,7 +162,7 @@ class DiscModel:
     def contrast_of(self, parameters: Array) -> tuple[float, float]:
         """Mean of body minus surroundings, and of the body, along the outline of the latest equations, in grey levels.
 
-        ``parameters`` (p,) tell the levels.
+        ``parameters`` (p,) hold the levels.
         """
         edge = self.share * (1 - self.share) + 1e-9
         body, surroundings = self._levels(parameters)

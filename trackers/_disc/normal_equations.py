@@ -62,7 +62,7 @@ def weight_of(ratio: float, number: int) -> float:
 
 @kernel(nogil=True)
 def _span(share: float, counts: Array) -> tuple[int, int]:
-    """The parameters that a pixel tells: wholly inside or outside it tells the levels there alone."""
+    """The parameters that a pixel depends on: wholly inside or outside, the levels there alone."""
     inside = counts[0] + counts[1]
     if share == 1.0:
         return counts[0], inside

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from iris_sysid.types import Frame
-from trackers._disc.circle_detection import LONGEST_GAP, Search, best_chain, circles
+from trackers._disc.circle_detection import MAX_GAP, Search, best_chain, circles
 from trackers._disc.model import Disc
 from trackers._frames.working_image import View
 
@@ -16,7 +16,7 @@ MIN_RATIO = 1.2  # largest radius over smallest, the one extreme of each left ou
 
 
 def receding_disc(frames: Sequence[Frame], view: View) -> dict[int, Disc]:
-    """The circle that changes most lastingly in sampled frames, where it changes its size; empty if there is none.
+    """The circle that changes over most of the sampled frames, where it changes its size; empty if there is none.
 
     Parameters
     ----------
@@ -31,9 +31,9 @@ def receding_disc(frames: Sequence[Frame], view: View) -> dict[int, Disc]:
         Centre and radius, px of the frame, by the number of the frame.
     """
     search = Search(view)
-    # numbered so that the chain joins circles of one sample and the next, but not beyond: gap LONGEST_GAP - 2
+    # numbered so that the chain joins circles of one sample and the next, but not beyond: gap MAX_GAP - 2
     nodes = [
-        ((LONGEST_GAP - 2) * sample, circle)
+        ((MAX_GAP - 2) * sample, circle)
         for sample, frame in enumerate(frames)
         for circle in circles(search.small(view.image(frame)))
     ]
@@ -44,5 +44,5 @@ def receding_disc(frames: Sequence[Frame], view: View) -> dict[int, Disc]:
     discs: dict[int, Disc] = {}
     for number, circle in chain:
         x, y, radius = (float(value) for value in circle)
-        discs[frames[number // (LONGEST_GAP - 2)].index] = search.enlarged(Disc(x, y, radius))
+        discs[frames[number // (MAX_GAP - 2)].index] = search.enlarged(Disc(x, y, radius))
     return discs

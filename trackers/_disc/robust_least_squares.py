@@ -19,7 +19,7 @@ HUBER = 1.5  # standard deviations from which a residual counts linearly: the se
 TUKEY = 6.0  # standard deviations from which a residual does not count: 98 % efficient on normal noise
 INLIER, TRUNCATION = 3.0, 0.9866  # standard deviation of a normal distribution cut at +-3 sigma
 MIN_IN_ZONE = 8  # pixels from which a zone has its own noise
-MIN_KNOWN = 1e-15  # of the largest eigenvalue of the information: what is known less is not known at all
+MIN_KNOWN = 1e-15  # of the largest eigenvalue of the information: smaller eigenvalues count as zero
 RIDGE = 1e-12  # of the diagonal: a parameter that the pixels do not show stays where it is
 
 Labels = NDArray[np.int64]
@@ -110,7 +110,7 @@ class Solution:
 
 
 def robust_fit(model: Model, start: Start, pixels: Pixels, few: tuple[Model, Pixels] | None = None) -> Solution:
-    """Fit a model to pixels of which some show something else.
+    """Fit a model to pixels; some of them may show other objects.
 
     The first round takes every pixel as it is; the second counts large residuals linearly (Huber), the third
     not at all (Tukey's biweight; a few steps from a robust start are as good as all, P. Rousseeuw and A. Leroy,

@@ -19,9 +19,9 @@ NAMED_RGB = {
     "white": (255, 255, 255), "grey": (128, 128, 128), "gray": (128, 128, 128), "black": (0, 0, 0),
 }  # fmt: skip
 HUE_TOLERANCE = 13  # of OpenCV's 180 steps of hue: 26 degrees
-PALEST = 0.6  # of the saturation of the moving pixels in that hue
-DARKEST = 30  # of 255: below this there is no hue
-SATURATED = 60  # of 255: from here on a hue is known
+MIN_SATURATION = 0.6  # of the saturation of the moving pixels in that hue
+MIN_VALUE = 30  # of 255: a darker pixel has no hue
+SATURATED = 60  # of 255: a paler pixel has no reliable hue
 GREY_TOLERANCE = 60  # grey levels
 
 
@@ -29,7 +29,7 @@ GREY_TOLERANCE = 60  # grey levels
 class Colour:
     """A colour in OpenCV's hue (0-179), saturation and value (0-255).
 
-    ``least`` is the saturation from which on a pixel can be of it.
+    ``least`` is the smallest saturation of a pixel that matches.
     """
 
     hue: int
@@ -45,7 +45,7 @@ class Colour:
             return np.asarray((saturation < SATURATED) & (np.abs(value - self.value) < GREY_TOLERANCE))
         turn = np.abs(hue - self.hue)
         near = np.minimum(turn, 180 - turn) <= HUE_TOLERANCE
-        return np.asarray(near & (saturation >= self.least) & (value >= DARKEST))
+        return np.asarray(near & (saturation >= self.least) & (value >= MIN_VALUE))
 
     def fitted(self, bgr: Bytes) -> Colour:
         """The same colour with the least saturation set by moving pixels (n, 3): skin is a pale orange."""
@@ -53,7 +53,7 @@ class Colour:
         of_it = saturation[self.mask(bgr[np.newaxis])[0]]
         if self.saturation < SATURATED or of_it.size == 0:
             return self
-        return replace(self, least=max(SATURATED, int(PALEST * np.percentile(of_it, 90))))
+        return replace(self, least=max(SATURATED, int(MIN_SATURATION * np.percentile(of_it, 90))))
 
 
 def read_colour(text: str) -> Colour:

@@ -13,7 +13,7 @@ from iris_sysid.types import Frame, FrameSource, TrackOptions
 from trackers._frames.arrays import Box, Bytes, Flags
 from trackers._frames.colour_selection import Colour, colour_planes, read_colour, reduced
 
-WIDEST_DETECTION = 960  # px: wider images are searched at reduced size
+MAX_SEARCH_WIDTH = 960  # px: wider images are searched at reduced size
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +34,7 @@ class View:
     @property
     def step(self) -> int:
         """How many pixels a side make one pixel of the search for bodies."""
-        return min(self.coarser * -(-self.width // WIDEST_DETECTION), self.height)
+        return min(self.coarser * -(-self.width // MAX_SEARCH_WIDTH), self.height)
 
     @property
     def box(self) -> Box:

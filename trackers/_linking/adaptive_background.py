@@ -14,7 +14,7 @@ from iris_sysid.types import Frame, FrameSource, Track, TrackOptions, with_progr
 from trackers._background.median import Background, BackgroundEstimate
 from trackers._detection.detect_frames import REPORT_EVERY, DetectionSetup, detection_setup
 from trackers._detection.detection import BlobDetector, FrameDetections
-from trackers._detection.foreground import SMALLEST_AREA, SQUARE, Component, blobs_of, most_of_channels
+from trackers._detection.foreground import MIN_AREA, SQUARE, Component, blobs_of, most_of_channels
 from trackers._frames.arrays import Bytes, Flags
 from trackers._frames.working_image import view_of
 from trackers._linking.select_bodies import link_bodies
@@ -102,6 +102,6 @@ def _components(shown: Flags, level: Bytes) -> Iterator[Component]:
     count, labels, stats, _ = cv2.connectedComponentsWithStats(closed, connectivity=8)
     for label in range(1, count):
         left, top, width, height, area = (int(value) for value in stats[label])
-        if area >= SMALLEST_AREA:
+        if area >= MIN_AREA:
             window = (slice(top, top + height), slice(left, left + width))
             yield Component((labels[window] == label).astype(np.uint8), level[window], left, top)

@@ -49,7 +49,7 @@ def _going_on(body: Tracklet, frames: Sequence[FrameDetections], box: Box, step:
     path, radius = Tracklet(list(body.detections)), body.typical("radius")
     found: list[Detection] = []
     for seen in frames:
-        centres = [_centre(path.last, thing, radius, box, step) for thing in seen.edge_objects]
+        centres = [_centre(path.last, reaching, radius, box, step) for reaching in seen.edge_objects]
         places = [centre for centre in centres if centre is not None]
         expected = path.predicted(seen.t_s)
         reach = max(radius, SPEED_CHANGE * float(np.hypot(*path.velocity())) * abs(seen.t_s - path.last.t_s))
@@ -62,9 +62,9 @@ def _going_on(body: Tracklet, frames: Sequence[FrameDetections], box: Box, step:
     return found
 
 
-def _centre(body: Detection, thing: EdgeObject, radius: float, box: Box, step: int) -> Centre | None:
+def _centre(body: Detection, reaching: EdgeObject, radius: float, box: Box, step: int) -> Centre | None:
     """Centre, px of the frame, of a body of that radius which one side of the image cuts; None where it is another."""
-    low, high = np.array(thing.box[:2]), np.array(thing.box[2:])
+    low, high = np.array(reaching.box[:2]), np.array(reaching.box[2:])
     before, beyond = low <= np.array(box[:2]) + TOUCHES * step, high >= np.array(box[2:]) - TOUCHES * step
     cut = before | beyond
     if cut.sum() != 1 or (before & beyond).any():

@@ -13,9 +13,9 @@ from trackers._detection.detection import Detection, FrameDetections
 from trackers._linking.least_cost import least_cost_pairs
 
 SPEED_CHANGE = 0.8  # of the distance that the body goes in the time
-LONGEST_GAP = 5  # frames over which a tracklet is predicted
+MAX_GAP = 5  # frames over which a tracklet is predicted
 APPEARANCE_WEIGHT = 1.0  # cost of looking different by a factor e, beside 1 for a miss as large as the reach
-DEAREST = 2.0  # cost above which a detection is not joined
+MAX_COST = 2.0  # cost above which a detection is not joined
 FORBIDDEN = 1e6
 
 
@@ -27,7 +27,7 @@ class Brightness(NamedTuple):
     contrast: float
 
     def is_steady(self, other: Brightness, share: float) -> bool:
-        """Whether its own brightness changed by less than such a share of the change of the background behind it."""
+        """Whether its own brightness changed by less than a ``share`` of the change of the background behind it."""
         behind = self.intensity - self.brightening, other.intensity - other.brightening
         return abs(self.intensity - other.intensity) < share * abs(behind[0] - behind[1])
 
@@ -119,7 +119,7 @@ class Linking:
     """Joins the detections of frames, as they come, into tracklets; a tracklet ends when it is not seen for some.
 
     Each frame's detections go to the tracklets at the least total cost (Kuhn-Munkres): the miss from the
-    prediction over the reach, plus the difference in looks.
+    prediction over the reach, plus the difference in appearance.
 
     ``first_reach`` is how far a body may go between its first two detections, px, ``least_reach`` how far from its
     prediction a body may be whatever its speed and size, px. ``live`` are the tracklets that may go on.
@@ -132,8 +132,8 @@ class Linking:
 
     def add(self, seen: FrameDetections) -> list[Tracklet]:
         """The tracklet of each detection of the next frame."""
-        self.done += [tracklet for tracklet in self.live if seen.frame - tracklet.last.frame > LONGEST_GAP]
-        self.live = [tracklet for tracklet in self.live if seen.frame - tracklet.last.frame <= LONGEST_GAP]
+        self.done += [tracklet for tracklet in self.live if seen.frame - tracklet.last.frame > MAX_GAP]
+        self.live = [tracklet for tracklet in self.live if seen.frame - tracklet.last.frame <= MAX_GAP]
         joined = {column: row for row, column in _assign(self.live, seen, self.first_reach, self.least_reach).items()}
         new = [k for k in range(len(seen.detections)) if k not in joined]
         for column, row in joined.items():
@@ -174,4 +174,4 @@ def _assign(
             appearance = dissimilarity(tracklet.last, frame_detections.detections[column])
             cost[row, column] = miss[column] + APPEARANCE_WEIGHT * appearance
     rows, columns = least_cost_pairs(cost)
-    return {int(r): int(c) for r, c in zip(rows, columns, strict=True) if cost[r, c] < DEAREST}
+    return {int(r): int(c) for r, c in zip(rows, columns, strict=True) if cost[r, c] < MAX_COST}

@@ -1,4 +1,4 @@
-"""Which detections are likely to be of the bodies that are meant, told frame by frame: only these are measured."""
+"""Which detections are likely to be of the requested bodies, frame by frame: only these are measured."""
 
 from __future__ import annotations
 
@@ -13,14 +13,15 @@ from trackers._detection.detection import Detection, FrameDetections
 from trackers._linking.frame_to_frame import Linking, Tracklet
 from trackers._linking.select_bodies import CAUTIOUS_REACH, FIRST_REACH, MIN_DETECTIONS
 
-SPARE, NEARLY = 2, 0.3  # times as many as are meant are, if worth so much of them: a hand may go as far as its body
+# likely tracklets for each body, as a hand may go as far as the body; least worth of one more, over the last body's
+SPARE, MIN_WORTH = 2, 0.3
 
 
 @dataclass(eq=False, slots=True)
 class LikelyBodies:
-    """Links rough detections as they come, and tells those on the tracklets that went farthest, and on new ones.
+    """Links rough detections as they come; those on the tracklets that went farthest, and on new ones, are likely.
 
-    ``count`` bodies are meant, in an image of that ``diagonal``, px.
+    ``count`` bodies are requested, in an image of that ``diagonal``, px.
     """
 
     count: int
@@ -39,11 +40,11 @@ class LikelyBodies:
             self._paths[id(tracklet)].extent * len(tracklet.detections) * looks(tracklet) for tracklet in tracklets
         ]
         young = [looks(tracklet) * (len(tracklet.detections) <= MIN_DETECTIONS) for tracklet in tracklets]
-        likely = self._best(worth, NEARLY) | self._best(young, 0.0)
+        likely = self._best(worth, MIN_WORTH) | self._best(young, 0.0)
         return [k in likely for k in range(len(tracklets))]
 
     def _best(self, worth: Sequence[float], nearly: float) -> set[int]:
-        """Which are worth most, as many as bodies are meant, and as many more that are worth so much of these."""
+        """The ``count`` that are worth most, and as many more whose worth is at least a share ``nearly`` of theirs."""
         order = np.argsort(np.negative(worth), kind="stable")[: SPARE * self.count].tolist()
         least = nearly * worth[order[min(self.count, len(order)) - 1]] if order else 0.0
         return {k for place, k in enumerate(order) if worth[k] > least or (nearly and place < self.count)}

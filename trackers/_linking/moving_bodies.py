@@ -22,8 +22,8 @@ from trackers._linking.to_track import track_of
 from trackers._multi_body.given_masks import track_with_masks
 from trackers._multi_body.track_together import track_together
 
-FEW = 2  # bodies: more than these are followed all at once
-MOSTLY_APART = 0.3  # share of its frames in which another path may be near a body
+MAX_SEPARATE = 2  # bodies: more of them are followed all at once
+MAX_NEAR = 0.3  # share of its frames in which another path may be near a body
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -39,7 +39,7 @@ class MovingBodies:
     setup: DetectionSetup | None = None
 
     def tracks(self, tracker: str, options: TrackOptions) -> list[Track]:
-        """One Track a body, as the tracker of that name was asked for."""
+        """One Track a body, under the name of the requested tracker."""
         origin = {
             "tracker": tracker,
             "bodies": options.bodies,
@@ -54,12 +54,12 @@ class MovingBodies:
         ]
 
     def among(self, video: FrameSource, options: TrackOptions, meant: Callable[[Tracklet], bool]) -> MovingBodies:
-        """The bodies whose paths are ``meant``, from the same look at the clip, whatever goes farther.
+        """The bodies whose paths are ``meant``, from the same pass over the clip, even if others go farther.
 
         Raises
         ------
         TrackingError
-            When fewer such paths are found than bodies are asked for, or all bodies were followed at once.
+            When fewer such paths are found than bodies requested, or all bodies were followed at once.
         """
         if self.setup is None:
             raise TrackingError("all bodies were followed at once: there are no other paths")
@@ -75,7 +75,7 @@ def is_apart(tracks: Sequence[Track], tracklet: Tracklet) -> bool:
         any(np.hypot(*(places[seen.frame] - (seen.x, seen.y))) < 2 * seen.radius for places in at)
         for seen in tracklet.detections
     ]
-    return float(np.mean(near)) < MOSTLY_APART
+    return float(np.mean(near)) < MAX_NEAR
 
 
 def is_marked(marks: Sequence[TrackMark], tracklet: Tracklet) -> bool:
@@ -101,12 +101,12 @@ def follow(video: FrameSource, options: TrackOptions) -> MovingBodies:
     Raises
     ------
     TrackingError
-        When nothing moves, when fewer bodies move than asked for, or when there are fewer than three frames.
+        When nothing moves, when fewer bodies move than requested, or when there are fewer than three frames.
     """
     view = view_of(video, options)
     if options.mask is not None:
         return MovingBodies(*track_with_masks(video, view, options, options.mask))
-    if options.bodies > FEW and options.colour is None:
+    if options.bodies > MAX_SEPARATE and options.colour is None:
         return MovingBodies(*track_together(video, view, options))
     return _each_or_together(video, view, options)
 

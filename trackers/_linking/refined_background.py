@@ -11,18 +11,18 @@ from trackers._detection.foreground import WEAK_FLOOR, WEAK_SIGMAS
 from trackers._frames.arrays import Flags
 from trackers._linking.frame_to_frame import Tracklet
 
-OFTEN = 0.4  # of the samples: where a body is more often, it may have become background
+MAX_SHARE = 0.4  # of the samples: a body that covers a pixel in more of them may have become background
 ROUND_BODY = 1.1  # times the radius of the disc of the same area, for a disc; more for a long shape
-MIN_SAMPLES = 3  # that must show what is behind
+MIN_SAMPLES = 3  # that must show the background
 
 
 def refined_setup(setup: DetectionSetup, tracklets: Sequence[Tracklet]) -> DetectionSetup | None:
     """The setup with the background seen when the bodies are elsewhere; None when it shows nothing else.
 
-    ``tracklets`` are the bodies as the first look gave them.
+    ``tracklets`` are the bodies of the first pass.
     """
     free = _free(setup, tracklets)
-    if free.mean(axis=0).min() > 1 - OFTEN:
+    if free.mean(axis=0).min() > 1 - MAX_SHARE:
         return None
     known = setup.detector.background.usable
     usable = free if known is None else free & known
@@ -32,7 +32,7 @@ def refined_setup(setup: DetectionSetup, tracklets: Sequence[Tracklet]) -> Detec
 
 
 def _shows_another(setup: DetectionSetup, again: DetectionSetup) -> bool:
-    """Whether the background is another one by so much that the first one would take it for part of a body."""
+    """Whether the background changed enough for the first one to take a part of it for a body."""
     before, after = (model.detector.background.reduced(model.view.step).whole for model in (setup, again))
     if before is None or after is None:
         return True

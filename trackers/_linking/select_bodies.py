@@ -29,7 +29,7 @@ SAME = {
     "steepness": np.log(4),
     "compactness": np.log(2),
 }  # largest log ratios in one body
-STEADY = 0.5  # of the change of what is behind: a body whose own brightness changes less is the same
+STEADY = 0.5  # of the change of the background behind it: a body whose own brightness changes less is the same
 OPPOSITE = 1.0  # of 2: a body is brighter, or darker, than its background as a whole
 SPEED_MARGIN = 1.5  # times the fastest that the body was seen to go
 END_MARGIN = 1.5  # times the reach: how far off the first or last detection may be
@@ -75,7 +75,7 @@ def link_bodies(
 def _only_alike(
     all_detections: Sequence[FrameDetections], bodies: Sequence[Tracklet], shadows: Sequence[Tracklet]
 ) -> list[FrameDetections]:
-    """The frames with only those detections that are of one of the bodies, or look like it and are no shadow."""
+    """The frames with only those detections that are of one of the bodies, or look like it and are not a shadow."""
     of_bodies = {id(detection) for body in bodies for detection in body.detections}
     of_shadows = {id(detection) for shadow in shadows for detection in shadow.detections}
     known = [_Appearance.of(body) for body in bodies]
@@ -111,8 +111,8 @@ def _main_tracklets(tracklets: Sequence[Tracklet], count: int) -> list[Tracklet]
             chosen.append(tracklet)
     if len(chosen) < count:
         raise TrackingError(
-            f"{count} bodies were asked for, but only {len(chosen)} move(s) at the same time; "
-            f"ask for fewer, or restrict the region with --roi or the bodies with --colour"
+            f"{count} bodies were requested, but only {len(chosen)} move(s) at the same time; "
+            f"request fewer, or restrict the region with --roi or the bodies with --colour"
         )
     return chosen
 
@@ -176,7 +176,7 @@ def _trimmed(detections: list[Detection]) -> list[Detection]:
 class _Appearance:
     """Appearance of a body: the logarithms of its features in ``SAME``, and its brightness.
 
-    The steepness of its outline is that of the contrast, 1/px, whatever is behind.
+    The steepness of its outline is that of the contrast, 1/px, whatever the background.
     """
 
     features: dict[str, float]
@@ -198,7 +198,7 @@ class _Appearance:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _BodyProperties:
-    """Of a body's tracklet: the frames in which it is seen, its looks, and the fastest that it goes, px/s."""
+    """Of a body's tracklet: the frames in which it is seen, its appearance, and the fastest that it goes, px/s."""
 
     frames: set[int]
     appearance: _Appearance
@@ -270,13 +270,13 @@ def _between(held: set[int]) -> set[int]:
 
 
 def _round(detection: Detection) -> Box:
-    """The box round a body in which a hand would be that holds it."""
+    """The box round a body that a hand must reach to hold it."""
     reach = NEARBY * detection.radius
     return (detection.x - reach, detection.y - reach, detection.x + reach, detection.y + reach)
 
 
 def _hand_at(box: Box, edge_objects: Sequence[EdgeObject], area: float, inscribed: float) -> EdgeObject | None:
-    """The first thing that reaches in there and has more than that area, px, and inscribed radius, px."""
+    """The first object that reaches into the box and has more than that area, px, and inscribed radius, px."""
     for edge_object in edge_objects:
         apart = (
             edge_object.box[0] > box[2]

@@ -121,7 +121,7 @@ def error_model(
     measured, scatter = outline_autocorrelation(*outline), outline_scatter(*outline)
     ratio = EDGE_TO_CENTROID_NOISE_RATIO
     if noise_px is not None and scatter is not None:
-        scatter, ratio = _beyond(scatter, noise_px), 1.0  # the position's own error holds what is left at its outline
+        scatter, ratio = _beyond(scatter, noise_px), 1.0  # the position's own error holds the rest at its outline
     if measured is None:
         return ErrorModel(moving, None, scatter, ratio)
     partial = (max(measured.partial[0] - reduction, 0.0), *measured.partial[1:])

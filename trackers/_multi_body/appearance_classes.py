@@ -28,20 +28,20 @@ from trackers._frames.arrays import Box, Bytes, Flags, Image
 
 SOLID = 0.88  # of its convex hull: a blob that fills less of it is several bodies, or a hand
 ROUND = 0.4  # of its area lies within the inscribed circle: less is a cord
-THINNEST = 2.0  # px, inscribed radius of the smallest blob with a reliable colour
+MIN_INSCRIBED = 2.0  # px, inscribed radius of the smallest blob with a reliable colour
 SAME_COLOUR = 0.3  # of the contrast: colours nearer than this are of one class
-FAINTEST = 0.3  # of the strongest contrast: fainter pixels are shade
+MIN_CONTRAST_SHARE = 0.3  # of the strongest contrast: fainter pixels are shade
 HALF_COVERED = 0.5
 OFF_COLOUR = 0.5  # of the contrast: a pixel farther off the line from background to body is something else
-FULLEST = 95  # percentile over the samples: in the others bodies are hidden or have left
+COUNT_PERCENTILE = 95  # percentile over the samples: in the others bodies are hidden or have left
 RING = 4  # px round a part in which its surroundings are seen
-LIKE = 0.35  # of the contrast: a sample's pixel so near to a body's colour shows it, whatever the background is
-MIN_SAMPLES = 3  # that must show what is behind
-SMALLEST = 0.2  # of the area of the largest class: a smaller class is a part of a body
+LIKE = 0.35  # of the contrast: a pixel nearer than this to a body's colour shows it, whatever the background is
+MIN_SAMPLES = 3  # that must show the background
+MIN_AREA_SHARE = 0.2  # of the area of the largest class: a smaller class consists of parts of bodies
 MIN_DETECTIONS = 4  # detections of a class
-TOO_MUCH = 1.5  # times the area of all bodies
+MAX_COLOURED = 1.5  # times the area of all bodies of a class: more of its colour is background, or a hand
 INPAINT_RADIUS = 5  # px round the never visible background from which it is continued
-MOVED = 1.0  # px between two samples: less is one thing that stands still, counted once
+MOVED = 1.0  # px between two samples: an object that moves less stands still and is counted once
 SIZE_SPREAD = 0.08  # standard deviation of the log area of one body as it turns
 
 
@@ -62,7 +62,7 @@ class AppearanceClass:
         """Share of each pixel (..., channels) that such a body covers; 0 where something else is seen.
 
         With F the body's colour and B the background, a pixel I = a F + (1 - a) B has
-        a = (I - B).(F - B) / |F - B|^2; what lies off that line by much is not such a body.
+        a = (I - B).(F - B) / |F - B|^2; a colour far off that line is not such a body.
         """
         contrast = self.colour - background
         squared = np.maximum((contrast**2).sum(axis=-1), 1.0)
@@ -96,7 +96,7 @@ def learn_classes(setup: DetectionSetup, count: int) -> tuple[DetectionSetup, li
     Raises
     ------
     TrackingError
-        When so many cannot be seen.
+        When the samples do not show ``count`` bodies.
     """
     images = [np.atleast_3d(image) for image in setup.search_images]
     background = background_level(setup.background_range)
@@ -118,7 +118,7 @@ def _free(images: Sequence[Bytes], classes: Sequence[AppearanceClass], backgroun
     for appearance in classes:
         limit = LIKE * float(np.median(np.linalg.norm(background - appearance.colour, axis=-1)))
         like = np.stack(list(ahead(partial(_is_near, appearance.colour, limit), images)))
-        if like.sum(axis=(1, 2)).mean() < TOO_MUCH * count * appearance.area:
+        if like.sum(axis=(1, 2)).mean() < MAX_COLOURED * count * appearance.area:
             free &= np.stack([cv2.dilate(pixels.astype(np.uint8), SQUARE, iterations=2) == 0 for pixels in like])
     return free
 
@@ -194,15 +194,17 @@ def _classes_of(setup: DetectionSetup, images: Sequence[Bytes], count: int) -> l
     amounts_found: list[float] = []
     for appearance in _classes_by_colour(parts):
         amounts = [_covered(appearance, classes, *pixels, background) / appearance.area for pixels in inner]
-        number = float(np.percentile(amounts, FULLEST))
-        if number > HALF_COVERED and (not classes or appearance.area > SMALLEST * max(known.area for known in classes)):
+        number = float(np.percentile(amounts, COUNT_PERCENTILE))
+        if number > HALF_COVERED and (
+            not classes or appearance.area > MIN_AREA_SHARE * max(known.area for known in classes)
+        ):
             classes.append(appearance)
             amounts_found.append(number)
     classes, amounts_found = classes[:count], amounts_found[:count]
     numbers = _rounded(np.array(amounts_found), count)
     if numbers.sum() < count:
         raise TrackingError(
-            f"{count} bodies were asked for, but the moving area is enough for {int(numbers.sum())}; ask for fewer, "
+            f"{count} bodies were requested, but the moving area is enough for {int(numbers.sum())}; request fewer, "
             f"restrict the region with --roi or the bodies with --colour, or begin with --start when they are struck: "
             f"bodies that rest in a pile for most of a clip hide the background"
         )
@@ -252,7 +254,7 @@ def _covered(
 def _isolated_parts(setup: DetectionSetup, image: Bytes, background: Image) -> Iterator[_IsolatedPart]:
     """The solid parts of one sample that do not reach in from the edge."""
     for blob in blobs(setup.background_range, image):
-        if blob.held or blob.at_edge or blob.inscribed < THINNEST or not _solid(blob):
+        if blob.held or blob.at_edge or blob.inscribed < MIN_INSCRIBED or not _solid(blob):
             continue
         left, top, right, bottom = blob.box
         heart = cv2.erode(blob.mask, SQUARE, borderType=cv2.BORDER_CONSTANT, borderValue=0) > 0
@@ -303,7 +305,9 @@ def _classes_by_colour(parts: Sequence[_IsolatedPart]) -> list[AppearanceClass]:
         elif not any(np.hypot(part.x - other.x, part.y - other.y) < MOVED for other in alike[0]):
             alike[0].append(part)
     strongest = max((part.contrast for part in parts), default=0.0)
-    groups = [group for group in groups if len(group) >= MIN_DETECTIONS and group[0].contrast > FAINTEST * strongest]
+    groups = [
+        group for group in groups if len(group) >= MIN_DETECTIONS and group[0].contrast > MIN_CONTRAST_SHARE * strongest
+    ]
     groups.sort(key=lambda group: -sum(part.contrast * part.area for part in group))
     return [_class_of(group) for group in groups]
 

@@ -22,7 +22,7 @@ from trackers._multi_body.predict_and_assign import FrameAssignment, follow_bodi
 from trackers._multi_body.track_together import measure_bodies
 
 MAX_LABELS = 64  # in one mask: more are the grey levels of a lossy video
-SMALLEST = 6  # px of a label in a frame, at the size of the search
+MIN_AREA = 6  # px of a label in a frame, at the size of the search
 
 
 def track_with_masks(
@@ -30,7 +30,7 @@ def track_with_masks(
 ) -> tuple[list[FrameDetections], list[Tracklet], View]:
     """What each frame shows and the tracklet of each body, where a mask says which pixels are bodies.
 
-    Masks with several values name the bodies by their values; in masks with one value the bodies are told apart as
+    Masks with several values name the bodies by their values; in masks with one value the bodies are distinguished as
     elsewhere, by assignment to where they are predicted. Centres come from the brightness about the masks.
 
     Parameters
@@ -60,7 +60,7 @@ def track_with_masks(
     times, images = _paired(video, view, mask)
     values = _values(images)
     if options.bodies > 1 and len(values) not in (1, options.bodies):
-        raise DataError(f"{options.bodies} bodies were asked for, but the masks hold {len(values)} different values")
+        raise DataError(f"{options.bodies} bodies were requested, but the masks hold {len(values)} different values")
     small = (view.search_size[0], view.search_size[1])
     frames = [_shown(mask, values, *when, small) for mask, when in zip(images, times, strict=True)]
     setup = _without_bodies(
@@ -125,7 +125,7 @@ def _labelled(pixels: CoveredPixels, count: int) -> FrameAssignment:
     filled = np.bincount(pixels.class_index, minlength=count)
     sums = [np.bincount(pixels.class_index, weights=pixels.xy[:, axis], minlength=count) for axis in range(2)]
     centres = np.stack(sums, axis=-1) / np.maximum(filled, 1)[:, np.newaxis]
-    return FrameAssignment(pixels.class_index.astype(np.int64), centres, (filled >= SMALLEST).astype(np.float64))
+    return FrameAssignment(pixels.class_index.astype(np.int64), centres, (filled >= MIN_AREA).astype(np.float64))
 
 
 def _without_bodies(setup: DetectionSetup, images: dict[int, Bytes]) -> DetectionSetup:

@@ -13,7 +13,7 @@ FIRST_SPEED = 1.0  # radii per frame, standard deviation before anything is know
 MEASURED = 0.05  # radii, standard deviation of a centre at the size of the search
 STRUCK = 0.5  # radii per frame, standard deviation of what a contact may change
 TOUCHING = 1.25  # times the sum of the radii: nearer than that two bodies may strike each other
-RESTITUTION = 0.5  # assumed of an impact: the frames after it tell the truth
+RESTITUTION = 0.5  # assumed of an impact: the frames after it correct the velocity
 OVERLAP = 0.97  # times the sum of the radii: bodies cannot come nearer
 SWEEPS = 6  # through the contacts of a pile
 
@@ -33,13 +33,13 @@ class MotionStates:
 
     @classmethod
     def at(cls, position: Array, radius: Array) -> MotionStates:
-        """Bodies (n, 2) px of those radii (n,) px of whose velocity nothing is known."""
+        """Bodies (n, 2) px of those radii (n,) px with unknown velocity."""
         covariance = np.zeros((len(position), 2, 2))
         covariance[:, 0, 0], covariance[:, 1, 1] = (MEASURED * radius) ** 2, (FIRST_SPEED * radius) ** 2
         return cls(position.copy(), np.zeros_like(position), covariance, radius)
 
     def advance(self, frames: float) -> None:
-        """Predict to so many frames later; a contact lets the velocity change at once."""
+        """Predict the states a number of frames later; a contact lets the velocity change at once."""
         struck = STRUCK * self.radius * self.touching()
         step = np.array([[1.0, frames], [0.0, 1.0]])
         noise = np.array([[frames**4 / 4, frames**3 / 2], [frames**3 / 2, frames**2]])
@@ -58,7 +58,7 @@ class MotionStates:
         self.covariance = self.covariance - gain[:, :, np.newaxis] * self.covariance[:, np.newaxis, 0, :]
 
     def touching(self) -> Mask:
-        """Which bodies are so near to another that one may strike the other. Shape (bodies,)."""
+        """Which bodies are near enough to another to strike it. Shape (bodies,)."""
         near = self._apart() < TOUCHING * (self.radius[:, np.newaxis] + self.radius)
         np.fill_diagonal(near, False)
         return np.asarray(near.any(axis=1))
@@ -67,7 +67,7 @@ class MotionStates:
         return np.linalg.norm(self.position[:, np.newaxis] - self.position, axis=-1)
 
     def after_impacts(self, frames: float) -> Array:
-        """Positions (n, 2) so many frames later if bodies that would overlap strike each other on the way.
+        """Positions (n, 2) after a number of frames in which bodies that would overlap strike each other.
 
         Pair by pair the normal velocities are exchanged as for solid balls of one material,
         v_i' = v_i - (1 + e) m_j / (m_i + m_j) ((v_i - v_j).n) n, until no pair approaches; then what

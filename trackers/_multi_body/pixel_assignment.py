@@ -14,7 +14,7 @@ from trackers._detection.foreground import BackgroundRange
 from trackers._frames.arrays import Bytes, Image
 from trackers._multi_body.appearance_classes import HALF_COVERED, AppearanceClass, class_coverages
 
-FAINTEST_SHARE = 0.25  # of a pixel: less is noise, shade or the blurred outline
+MIN_COVERAGE = 0.25  # of a pixel: less is noise, shade or the blurred outline
 REACH = 1.6  # radii: a pixel farther from every body is of none
 THIN = 0.35  # of a body's radius: a part thinner on both sides is a cord
 ROUNDS = 12
@@ -92,7 +92,7 @@ def covered_pixels(
     for number, appearance in enumerate(classes):
         coverages[number] *= _thick(coverages[number], appearance.radius)
     class_of, share = coverages.argmax(axis=0), coverages.max(axis=0)
-    rows, columns = np.nonzero(share > FAINTEST_SHARE)
+    rows, columns = np.nonzero(share > MIN_COVERAGE)
     xy = np.stack([columns + x, rows + y], axis=-1).astype(np.int16)
     return CoveredPixels(
         frame, t_s, xy, share[rows, columns].astype(np.float16), class_of[rows, columns].astype(np.int8), size
@@ -121,7 +121,7 @@ class ClassPixels:
         """Share the pixels out by Lloyd's iteration, begun at ``start`` (k, 2) px, and mend what is uneven.
 
         Each pixel goes to the nearest centre within reach, each centre to the mean of its pixels. Of a body that the
-        edge of the image cuts, what lies beyond counts as if it were a disc: the step of the EM algorithm for
+        edge of the image cuts, the hidden part counts as that of a disc: the step of the EM algorithm for
         data that are missing.
         """
         assignment = self._lloyd(start)

@@ -15,16 +15,16 @@ from trackers._multi_body.appearance_classes import AppearanceClass
 from trackers._multi_body.motion_model import MotionStates
 from trackers._multi_body.pixel_assignment import ClassPixels, CoveredPixels, PixelAssignment
 
-COMPLETE = 0.2  # of the area of all bodies of a class: by so little it may differ where all are seen
+COMPLETE = 0.2  # of the area of all bodies of a class: largest difference where all are seen
 AT_EDGE = 0.05  # of the area of one body may lie at the edge where all are seen
-CANDIDATES = 8  # frames in which the bodies are looked for without a prediction
+CANDIDATES = 8  # frames in which the bodies are searched without a prediction
 GATE = 16.0  # squared distance over its variance: beyond it a body is not taken for another (chi2, 2 dof: 0.03 %)
 PULL = 0.02  # weight of a squared distance from the prediction, over its variance, beside 1 for a body's spread
-UNEVEN = 0.3  # of its area: by so much at most a share may differ from a body
-CLEAR = 0.5  # radii from the prediction: a body so near can be no other
-HIDDEN = 0.4  # of its area: a body of which less is seen is not measured
-WHOLE = 0.8  # of its area: a body of which less is seen is measured with doubt
-DOUBT = 4.0
+UNEVEN = 0.3  # of the area of a body: largest difference of its share of the pixels
+CLEAR = 0.5  # radii from the prediction: a body nearer than this is the predicted one
+HIDDEN = 0.4  # of its area: a body that shows less is not measured
+WHOLE = 0.8  # of its area: a body that shows less is measured with a larger error
+DOUBT = 4.0  # times the standard error of a body that is partly hidden
 GONE = 0.1  # of its area: less at the edge and the body has left
 PATIENCE = 12  # frames for which a body that is not seen is expected
 FAR = 1e6
@@ -87,7 +87,7 @@ def _first(frames: Sequence[CoveredPixels], classes: Sequence[AppearanceClass]) 
     if not complete:
         bodies = sum(appearance.count for appearance in classes)
         raise TrackingError(
-            f"{bodies} bodies were asked for, but in no frame so many are seen at once; ask for fewer, "
+            f"{bodies} bodies were requested, but no frame shows that number at once; request fewer, "
             f"or limit the clip with --start and --stop"
         )
     chosen = [complete[k] for k in np.unique(np.linspace(0, len(complete) - 1, CANDIDATES).astype(int))]

@@ -12,8 +12,8 @@ from iris_sysid.errors import TrackingError
 from iris_sysid.types import Array, Frame, FrameSource, TrackOptions, with_progress
 from trackers._detection.depth import depth_of
 from trackers._detection.detect_frames import REPORT_EVERY, DetectionSetup, detection_setup
-from trackers._detection.detection import THINNEST_BODY, Detection, FrameDetections, touches
-from trackers._detection.foreground import SMALLEST_AREA, SQUARE, Blob
+from trackers._detection.detection import MIN_INSCRIBED, Detection, FrameDetections, touches
+from trackers._detection.foreground import MIN_AREA, SQUARE, Blob
 from trackers._detection.subpixel_centroid import Centre
 from trackers._frames.ahead import ahead
 from trackers._frames.arrays import Bytes
@@ -25,7 +25,7 @@ from trackers._multi_body.predict_and_assign import FrameAssignment, follow_bodi
 
 SEAM = 0.08  # radii: how well the line is known along which two touching bodies part, standard deviation
 ROUNDING = 0.5  # px, of the outline of a body, standard deviation
-SEEN = 0.6  # of its area: of a body that is hidden more, the centre is not known
+SEEN = 0.6  # of its area: the centre of a body that shows less is not known
 
 
 def track_together(
@@ -61,7 +61,7 @@ def track_many(
     Raises
     ------
     TrackingError
-        When in no frame so many bodies are seen.
+        When no frame shows all bodies.
     """
     setup, classes = learn_classes(setup, options.bodies)
     background, view = background_level(setup.background_range), setup.view
@@ -125,7 +125,7 @@ def _measured(
     """
     bodies = [core_of(pixels, assignment, body) for body in range(len(assignment.filled))]
     known = [blob for blob in bodies if blob is not None]
-    reaching = [thing for thing in foreground if thing.held and not _is_of(thing, known)]
+    reaching = [edge_blob for edge_blob in foreground if edge_blob.held and not _is_of(edge_blob, known)]
     labels = np.full((pixels.size[1], pixels.size[0]), -1)
     labels[pixels.xy[:, 1], pixels.xy[:, 0]] = assignment.labels
     detections: list[Detection | None] = []
@@ -133,13 +133,13 @@ def _measured(
         if blob is None or filled < SEEN or blob.at_edge:
             detections.append(None)
         elif (seams := seams_of(labels, body, blob)).any():
-            hand = any(touches(blob, thing) for thing in reaching)
+            hand = any(touches(blob, edge_blob) for edge_blob in reaching)
             detections.append(_parted(setup, frame, blob, assignment.centres[body], seams, hand))
         else:
             detections.append(setup.detector.detect_body(frame, blob, known, reaching))
     seen = tuple(detection for detection in detections if detection is not None)
     return FrameDetections(
-        frame.index, frame.t_s, seen, tuple(setup.detector.edge_object(thing) for thing in reaching)
+        frame.index, frame.t_s, seen, tuple(setup.detector.edge_object(edge_blob) for edge_blob in reaching)
     ), detections
 
 
@@ -192,7 +192,7 @@ def _parted(setup: DetectionSetup, frame: Frame, blob: Blob, middle: Array, seam
 def core_of(pixels: CoveredPixels, assignment: FrameAssignment, body: int) -> Blob | None:
     """The part of a frame that a body covers, the largest piece of it; None when it is too small."""
     chosen = (assignment.labels == body) & (pixels.share > HALF_COVERED)
-    if np.count_nonzero(chosen) < SMALLEST_AREA:
+    if np.count_nonzero(chosen) < MIN_AREA:
         return None
     xy = pixels.xy[chosen].astype(np.int64)
     left, top = xy.min(axis=0)
@@ -204,17 +204,17 @@ def core_of(pixels: CoveredPixels, assignment: FrameAssignment, body: int) -> Bl
     x, y, columns, rows, area = (int(value) for value in stats[largest])
     piece = (labels[y : y + rows, x : x + columns] == largest).astype(np.uint8)
     inscribed = float(depth_of(piece).max())
-    if area < SMALLEST_AREA or inscribed < THINNEST_BODY:
+    if area < MIN_AREA or inscribed < MIN_INSCRIBED:
         return None
     box = (int(left) + x, int(top) + y, int(left) + x + columns, int(top) + y + rows)
     edge = box[0] <= 1 or box[1] <= 1 or box[2] >= pixels.size[0] - 1 or box[3] >= pixels.size[1] - 1
     return Blob(np.ascontiguousarray(piece), box[0], box[1], inscribed, edge, edge)
 
 
-def _is_of(thing: Blob, bodies: Sequence[Blob]) -> bool:
-    """Whether bodies are most of an object that reaches in: a pile at the edge is no hand."""
-    covered: Bytes = thing.mask.copy()
-    left, top, right, bottom = thing.box
+def _is_of(reaching: Blob, bodies: Sequence[Blob]) -> bool:
+    """Whether bodies are most of an object that reaches in: a pile at the edge is not a hand."""
+    covered: Bytes = reaching.mask.copy()
+    left, top, right, bottom = reaching.box
     for body in bodies:
         x0, y0, x1, y1 = body.box
         inner = (max(left, x0), max(top, y0), min(right, x1), min(bottom, y1))
@@ -222,4 +222,4 @@ def _is_of(thing: Blob, bodies: Sequence[Blob]) -> bool:
             rows, columns = slice(inner[1] - top, inner[3] - top), slice(inner[0] - left, inner[2] - left)
             overlap = body.mask[inner[1] - y0 : inner[3] - y0, inner[0] - x0 : inner[2] - x0]
             covered[rows, columns] &= 1 - overlap
-    return bool(np.count_nonzero(covered) < 0.5 * thing.area)
+    return bool(np.count_nonzero(covered) < 0.5 * reaching.area)

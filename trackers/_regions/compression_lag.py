@@ -17,7 +17,7 @@ from iris_sysid.types import Array, Mask
 HALF_WINDOW = 6  # frames on either side of a key frame by which its jump is measured
 MIN_FRAMES = 4  # of them that are needed on each side
 FIRST_GUESS = 1.0  # grey levels: a change by as much brings the full lag
-SHALLOWEST = 0.2  # grey levels, the least change that does
+MIN_FULL_CHANGE = 0.2  # grey levels, the least change that does
 MIN_SHARE = 0.3  # of the full lag must be there at a key frame that counts
 TYPICAL = 0.7  # grey levels: lag of the rendered lamps at a phone's bit rate, where no key frame shows it
 KEY_ERROR = 0.15  # of the usual jump: error of a region's mean in a key frame; 0.1 grey levels in the rendered lamps
@@ -46,7 +46,7 @@ def lag_of(grey: Array, key: Mask) -> Lag:
         if not counted.any():
             return Lag(np.zeros(grey.size), TYPICAL * np.stack([reached, reached * np.linspace(-1, 1, grey.size)]))
         size = jump[counted] / share[counted]
-        full = max(SHALLOWEST, float(np.median(size)))
+        full = max(MIN_FULL_CHANGE, float(np.median(size)))
     frames, places = np.arange(grey.size), at[counted]
     error = np.hypot(stderr[counted], KEY_ERROR * np.median(np.abs(jump[counted]))) / np.abs(share[counted])
     hats = np.stack([np.interp(frames, places, row) for row in np.diag(error)])

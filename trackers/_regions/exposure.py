@@ -22,15 +22,15 @@ from trackers._regions.linear_light import LinearLight, Pixels
 
 Change = Literal["none", "gain", "room light", "lamp light", "unclear"]
 
-AWAY = 0.04  # of the image's width: the background begins so far from a lamp
-DARKEST, BRIGHTEST = 0.12, 0.92  # codes of background pixels that count
+AWAY = 0.04  # of the image's width: distance from a lamp at which the background begins
+MIN_CODE, MAX_CODE = 0.12, 0.92  # codes of background pixels that count
 MIN_PIXELS, MAX_PIXELS = 100, 4000
 MIN_CHANGE = 0.004  # of the background's light: less is the noise of compression
-CLEARLY_SMOOTHER = 0.7  # times the roughness: a correction that leaves less is taken
-SLOW_CHANGE = 0.02  # of the background's light: a smooth change from which on the lamp's decay is in doubt
+MAX_ROUGHNESS_RATIO = 0.7  # times the roughness: a correction that leaves less is taken
+SLOW_CHANGE = 0.02  # of the background's light: a larger smooth change makes the lamp's decay doubtful
 TRUSTED = 0.1  # of a correction is its standard error
-OPPOSES = 0.6  # correlation from which the background opposes the lamp
-CLEARLY = 6.0  # standard errors
+OPPOSES = 0.6  # correlation: at a stronger one the background opposes the lamp
+MIN_SIGMAS = 6.0  # standard errors of the background's light: a smaller change is noise
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -66,7 +66,7 @@ def background_of(view: View, samples: Sequence[Frame], lamps: Flags, curve: Lin
     """The still background's pixels that the lamps (a mask at the size of the search) light least; None if too dark."""
     stack = np.stack([view.small(luma_of(view, frame)) for frame in samples]).astype(np.float32)
     coding = samples[0].coding
-    low, high = (coding.black + share * coding.span for share in (DARKEST, BRIGHTEST))
+    low, high = (coding.black + share * coding.span for share in (MIN_CODE, MAX_CODE))
     reach = 2 * int(AWAY * stack.shape[2]) + 1
     near = cv2.dilate(lamps.astype(np.uint8), np.ones((reach, reach), np.uint8)) > 0
     usable = np.all((stack > low) & (stack < high), axis=0) & ~near
@@ -93,17 +93,17 @@ def exposure_of(light: Array, background: Array, noise: float) -> Exposure:
     nothing = np.zeros((0, light.size))
     seen = background / np.median(background)
     ratio = _without_lamp(seen, light)
-    size, least = _range(ratio), max(MIN_CHANGE, CLEARLY * noise)
+    size, least = _range(ratio), max(MIN_CHANGE, MIN_SIGMAS * noise)
     if size < least:
         return Exposure("none" if _range(seen) < least else "lamp light", size, light, nothing)
     room = float(_bends(light) @ _bends(ratio) / (_bends(ratio) @ _bends(ratio)))
     tried: dict[Change, Array] = {"gain": light / ratio, "room light": light - max(room, 0.0) * (ratio - 1)}
     best = min(tried, key=lambda change: _roughness(tried[change]))
-    if _roughness(tried[best]) < CLEARLY_SMOOTHER * _roughness(light):
+    if _roughness(tried[best]) < MAX_ROUGHNESS_RATIO * _roughness(light):
         return _corrected(best, size, light, tried[best])
     if size < SLOW_CHANGE:
         return Exposure("none", size, light, nothing)
-    # too smooth to tell by roughness: a camera that adapts opposes the lamp
+    # too smooth for roughness to show the cause: a camera that adapts opposes the lamp
     if float(np.corrcoef(light, ratio)[0, 1]) < -OPPOSES:
         return _corrected("gain", size, light, light / ratio)
     return Exposure("unclear", size, light, nothing)

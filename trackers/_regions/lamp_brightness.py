@@ -26,7 +26,7 @@ MIN_SAMPLES = 3
 
 
 def luma_of(view: View, frame: Frame) -> Bytes:
-    """The luma of the region of a frame that is looked at."""
+    """The luma of the region of interest of a frame."""
     return frame.luma[view.top : view.top + view.height, view.left : view.left + view.width]
 
 

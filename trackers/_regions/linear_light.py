@@ -1,6 +1,6 @@
 """From the samples of some pixels to linear light: matrix and range undone, then the curve, channel by channel.
 
-Light is a sum over channels, and each channel has its own code: luma alone tells the light of greys only. So a red
+Light is a sum over channels, and each channel has its own code: luma alone gives the light of greys only. So a red
 lamp is undone in red, and counts as cut off when its red is.
 """
 

@@ -23,7 +23,7 @@ WINDOW = 10  # px above and below the surface whose pixels are compared
 MIN_ROOM = 3  # px that must show on either side of the surface
 TUKEY = 5.0  # standard deviations from which a strip does not count
 MAX_OFF = 0.5  # of the strips may not keep to the surface
-SMALLEST_SCATTER = 5e-3  # px: of strips that agree to the last digit in an image without noise
+MIN_SCATTER = 5e-3  # px: of strips that agree to the last digit in an image without noise
 MIN_CONTRAST = 4.0  # grey levels, of a strip
 
 
@@ -71,12 +71,12 @@ def rough_levels(rows_over_time: Array) -> Array:
 
     Samples are grey levels, rows are in units of the spacing.
 
-    TrackingError when the rows do not change once and for all, as a surface that rises or falls makes them.
+    TrackingError when the rows do not change once and stay, as a surface that rises or falls makes them.
     """
     steps, explained = _steps(rows_over_time)
     if explained < STEPWISE:
         raise TrackingError(
-            f"this is no surface of a liquid: only {explained:.0%} of the change is one lasting step, as when "
+            f"this is not the surface of a liquid: only {explained:.0%} of the change is one lasting step, as when "
             "something passes; restrict the region to the vessel with --roi, or use another tracker"
         )
     falls = np.polyfit(np.arange(steps.size), steps, 1)[0] > 0
@@ -86,7 +86,7 @@ def rough_levels(rows_over_time: Array) -> Array:
 
 
 def _steps(rows_over_time: Array) -> tuple[Array, float]:
-    """Sample (rows,) from which on each row has changed, and the share of the variance that these steps explain."""
+    """First sample (rows,) after the change of each row, and the share of the variance that these steps explain."""
     k = len(rows_over_time)
     total = rows_over_time.var(axis=0) * k
     sums = np.cumsum(rows_over_time, axis=0)[:-1]
@@ -122,7 +122,7 @@ class Surface:
         return row, sigma
 
     def _rough(self, strips: Array) -> float:
-        """The row from which on the image looks as below the surface, to about a pixel."""
+        """The first row that looks as below the surface, to about a pixel."""
         above = ((strips - self.above) ** 2).sum(axis=1)
         below = ((strips - self.below) ** 2).sum(axis=1)
         cost = np.concatenate([[0.0], np.cumsum(above)]) + np.concatenate([np.cumsum(below[::-1])[::-1], [0.0]])
@@ -180,8 +180,8 @@ def _midway(heights: Array, x: Array) -> tuple[float, float]:
         information = (terms * weight[:, np.newaxis]).T @ terms
         line = np.linalg.solve(information, (terms * weight[:, np.newaxis]).T @ heights)
         residual = heights - terms @ line
-        scale = max(MAD_TO_SD * float(np.median(np.abs(residual[known]))), SMALLEST_SCATTER)
+        scale = max(MAD_TO_SD * float(np.median(np.abs(residual[known]))), MIN_SCATTER)
         weight = np.where(known, np.maximum(0.0, 1 - (residual / (TUKEY * scale)) ** 2) ** 2, 0.0)
     free = max(float(weight.sum()) - 2, 1.0)
-    variance = max(float((weight * residual**2).sum()) / free, SMALLEST_SCATTER**2)
+    variance = max(float((weight * residual**2).sum()) / free, MIN_SCATTER**2)
     return float(line[0]), float(np.sqrt(variance * np.linalg.inv(information)[0, 0]))

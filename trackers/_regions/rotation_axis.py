@@ -13,15 +13,15 @@ from iris_sysid.types import Array
 from trackers._detection.foreground import BackgroundRange, any_channel, most_of_channels
 from trackers._frames.arrays import MAD_TO_SD, Bytes, Image
 
-STRONGEST = 60  # grey levels: upper limit of the difference
+MAX_DIFFERENCE = 60  # grey levels: upper limit of the difference
 SPOKES, RINGS = 360, 24  # of the polar image
 QUARTER = SPOKES // 4  # a body may turn by less than this between two frames
 LEARNING = 0.1  # share of each new frame in the polar image that the next is compared with
 REACH = 0.98  # of the foreground lies within this radius of the axis
 MIN_PIXELS = 12  # that must differ
 TRIPLES = 400  # of frames that are tried for the circle of the middles
-OWN_AXIS = 0.05  # of the reach: a middle that stays so near one position is taken to turn about it
-ROUND = 0.15  # of the circle's radius: middles may scatter about it by so much
+OWN_AXIS = 0.05  # of the reach: a middle that stays nearer than this to one position turns about it
+ROUND = 0.15  # of the circle's radius: largest scatter of the middles about it
 MIN_FRAMES = 3
 
 
@@ -38,7 +38,9 @@ def activity(background_range: BackgroundRange, small: Bytes) -> Image:
     """Distance of each pixel (h, w) from the background range, grey levels, at most 60."""
     excess = background_range.excess(small)
     level = np.where(any_channel(excess > background_range.weak), most_of_channels(excess), 0)
-    opened = cv2.morphologyEx(np.minimum(level, STRONGEST).astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    opened = cv2.morphologyEx(
+        np.minimum(level, MAX_DIFFERENCE).astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)
+    )
     return np.asarray(opened, dtype=np.float32)
 
 

@@ -13,14 +13,14 @@ from iris_sysid.types import Array
 from trackers._frames.arrays import MAD_TO_SD, Bytes, Image
 from trackers._regions.rotation_axis import Axis
 
-FINEST = 120  # points from the axis to the end of the body, at most
-MAX_POINTS = 6000  # that are compared in every frame: those that tell most about the angle
+MAX_RADIAL_POINTS = 120  # points from the axis to the end of the body, at most
+MAX_POINTS = 6000  # that are compared in every frame: those that change most with the angle
 BLOCK = 0.5  # of the reach: side of the blocks whose errors are taken to be independent: light and detector vary slowly
 TUKEY = 5.0  # standard deviations from which a residual does not count
 MIN_NOISE = 1.0  # grey levels
 STEPS = 8  # of Gauss and Newton, at most
 SETTLED = 1e-5  # rad
-LONGEST_STEP = 0.2  # rad, and of the reach
+MAX_STEP = 0.2  # rad, and of the reach
 ROUNDS = 2  # in which brightness and appearance are found in turn
 RIDGE = 1e-9  # of the diagonal
 
@@ -51,7 +51,7 @@ class Pattern:
         return np.asarray(self.slope[:, 0] * self.offset[:, 1] - self.slope[:, 1] * self.offset[:, 0])
 
     def telling(self) -> Pattern:
-        """The same pattern with no more points than are compared in every frame: those that tell most."""
+        """The same pattern with the points that change most with the angle, as many as are compared in every frame."""
         worth = self.by_angle**2 / (self.spread**2 + MIN_NOISE**2)
         best = np.sort(np.argsort(-worth)[:MAX_POINTS])
         return replace(
@@ -85,7 +85,7 @@ def learn_pattern(images: Sequence[Image], angles: Array, axis: Axis) -> Pattern
 
     It is the median over the images, each with its own brightness, so that static parts leave no trace.
     """
-    side = min(FINEST, int(axis.reach))
+    side = min(MAX_RADIAL_POINTS, int(axis.reach))
     step = axis.reach / side
     grid = step * np.arange(-side, side + 1, dtype=np.float64)
     x, y = np.meshgrid(grid, grid)
@@ -150,10 +150,10 @@ def match_rotation(pattern: Pattern, image: Image, start: float, *, loose: bool 
     angle, shift = start, np.zeros(2)
     for _ in range(STEPS):
         linear = _linear(pattern, image, angle, shift, loose=loose)
-        step = np.clip(linear.solution[0], -LONGEST_STEP, LONGEST_STEP)
+        step = np.clip(linear.solution[0], -MAX_STEP, MAX_STEP)
         angle += float(step)
         if loose:
-            longest = LONGEST_STEP * pattern.axis.reach
+            longest = MAX_STEP * pattern.axis.reach
             shift += np.clip(linear.solution[-2:], -longest, longest)
         if abs(step) < SETTLED:
             break

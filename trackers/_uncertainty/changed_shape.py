@@ -1,4 +1,4 @@
-"""Errors of a body that is no disc: its position is off in a direction that turns with it, and by its motion blur."""
+"""Position errors of a body that is not a disc: in a direction that turns with the body, and by its motion blur."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def changed_shape(lobes: Array, radius: Array, moving: Mask) -> Array:
     radius
         Radius (k,) of the disc of the same area, px.
     moving
-        In which of these samples (k,) the body moves: they tell the typical shape, all where none does.
+        In which of these samples (k,) the body moves: they give the typical shape, all samples where it never moves.
     """
     third = lobes[:, 0] + 1j * lobes[:, 1]
     told = third[moving] if moving.any() else third

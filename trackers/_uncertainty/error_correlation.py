@@ -19,15 +19,15 @@ from iris_sysid.types import Array, ErrorAutocorrelation, Mask
 from trackers._frames.arrays import MAD_TO_SD, Image
 from trackers._uncertainty.lobe_kernel import LOBES, lobes_of
 
-LARGEST_LOBE = 0.15  # of the radius: a shape with larger lobes is no disc, and its outline changes as it turns
-SLOWEST = 0.5  # px a frame: the encoder copies a resting body from frame to frame, and its errors never change
+MAX_LOBE = 0.15  # of the radius: a shape with larger lobes is not a disc, and its outline changes as it turns
+MIN_SPEED = 0.5  # px a frame: the encoder copies a resting body from frame to frame, and its errors never change
 STRETCH = (10, 32)  # frames of the shortest and longest stretch of the track that is analysed by itself
 OUTLIER = 3.0  # robust standard deviations: another object, e.g. the floor, disturbs the outline
 MIN_SAMPLES = 40  # samples of each lobe; fewer do not determine the autocorrelation
 MAX_STRETCHES = 20  # they determine a partial autocorrelation to 0.04
 DEGREE = 2  # of the polynomial trend in time of each stretch: the shading changes with the position
 MIN_SCATTERED = 12  # samples of each lobe that determine its standard deviation to a fifth
-ROUND = 0.02  # of the radius: a body whose typical lobe is larger is no disc
+ROUND = 0.02  # of the radius: a body whose typical lobe is larger is not a disc
 TURNING = 0.85  # autocorrelation from frame to frame: what changes so slowly is a shape that turns
 GRID = (np.linspace(0.0, 0.9, 19), np.linspace(-0.2, 0.5, 15))  # partial autocorrelations at lags of 1 and 2 frames
 
@@ -101,9 +101,9 @@ def outline_scatter(frame: Array, xy_px: Array, lobes: Array, radius_px: Array) 
 
     The error of the position is that of the lobe of order one, which no image shows; the next odd one, of order three,
     is about as large in what a video coder makes of a disc. No path is assumed: a shift of the whole body does not
-    show. Shading that changes slowly with the position is followed by parabolas in time. A body that is no disc changes
-    its lobes as it turns: the smaller of the orders three and five counts. None where the body is seen in too few
-    frames, has large lobes, or turns fast.
+    show. Shading that changes slowly with the position is followed by parabolas in time. The lobes of a body that is
+    not a disc change as it turns: the smaller of the orders three and five counts. None where the body is seen in too
+    few frames, has large lobes, or turns fast.
 
     Parameters
     ----------
@@ -140,7 +140,7 @@ def _without_trend(lobes: Array) -> Array:
 def _stretches_of_disc(frame: Array, xy_px: Array, lobes: Array, radius_px: Array) -> list[Array]:
     """Lobes (n, 4) of a disc in each stretch in which it moves, without outliers; none where it is not a disc."""
     useful = is_moving(frame, xy_px, radius_px)
-    if not useful.any() or np.median(np.abs(lobes[useful])) > LARGEST_LOBE * np.median(radius_px[useful]):
+    if not useful.any() or np.median(np.abs(lobes[useful])) > MAX_LOBE * np.median(radius_px[useful]):
         return []
     useful[useful] = _without_outliers(lobes[useful])
     moving = lobes[useful]
@@ -159,7 +159,7 @@ def is_moving(frame: Array, xy_px: Array, radius_px: Array) -> Mask:
     ``frame`` (n,) are numbers of frames, ``xy_px`` (n, 2) and ``radius_px`` (n,) the disc's positions and radii, px.
     """
     step = np.hypot(*np.diff(xy_px, axis=0).T) + np.abs(np.diff(radius_px))
-    moves = (np.diff(frame) == 1) & (step > SLOWEST)
+    moves = (np.diff(frame) == 1) & (step > MIN_SPEED)
     return np.asarray(np.append(moves, False) | np.append(False, moves))
 
 

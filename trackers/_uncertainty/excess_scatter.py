@@ -1,8 +1,8 @@
 """Standard errors of a track raised to what its outline and its scatter show.
 
 A compressed frame consists of motion-compensated blocks of the frames before it. A shift of the whole body looks right
-in each frame. Two things show its size: the errors of the outline that are no shift, and the scatter from frame to
-frame about local polynomials. Neither is the motion itself: a body may circle, swing, stop and bounce.
+in each frame. Its size shows in the errors of the outline other than a shift, and in the scatter from frame to frame
+about local polynomials. Neither is the motion itself: a body may circle, swing, stop and bounce.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class ErrorModel:
 
     ``moving`` (n,) is true where the body moves: the encoder copies a resting body from frame to frame, with its
     errors. ``autocorrelation`` is None where it could not be measured; the errors then count as independent.
-    ``outline_px`` is the standard deviation of the outline's errors that are no shift, px, None where unknown; from
+    ``outline_px`` is the standard deviation of the outline's errors other than a shift, px, None where unknown; from
     white noise of the pixels it is ``outline_of_white`` times that of the position.
     """
 
@@ -116,7 +116,7 @@ def _scatter(samples: tuple[Array, Array, Array, Mask], partial: tuple[float, ..
 def _scatter_at(
     samples: tuple[Array, Array, Array, Mask], partial: tuple[float, ...], window: int, degree: int
 ) -> float | None:
-    """Scatter over the standard errors by polynomials through so many samples; None where too few windows are whole."""
+    """Scatter over the standard errors by polynomials through a window; None where too few windows are whole."""
     square = _median_squares(*samples, window, degree)
     return None if square is None else float(np.sqrt(square / _expected_median(window, degree, partial)))
 

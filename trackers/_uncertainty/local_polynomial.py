@@ -71,7 +71,7 @@ def _residuals_of(t_s: Array, values: Array, sigma: Array, which: NDArray[np.int
 
 
 def pooled(sigma: Array) -> Array:
-    """Standard errors (n,) with each variance averaged over its neighbours: few blocks or strips tell it badly.
+    """Standard errors (n,) with each variance averaged over its neighbours: few blocks or strips determine it badly.
 
     In px.
     """
@@ -79,7 +79,7 @@ def pooled(sigma: Array) -> Array:
 
 
 def persistent(sigma: Array) -> Array:
-    """Standard errors (n,) of which none is below the median of all.
+    """Standard errors (n,) raised to their median where they are below it.
 
     In px.
 

@@ -37,7 +37,7 @@ class DetectionRows:
         self._frames.append((number, t_s))
 
     def add(self, place: Sequence[float], looks: Sequence[float], evidence: Mapping[str, float]) -> None:
-        """A detection: x, y, standard error and radius in px, looks, and the evidence for its being a body."""
+        """A detection: x, y, standard error and radius in px, its appearance, and the evidence for its being a body."""
         self._numbers.append(self._frames[-1][0])
         self._rows.append(place)
         self._looks.append(looks)

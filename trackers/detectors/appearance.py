@@ -1,4 +1,4 @@
-"""What looks like the things that move in sampled frames, by the colours of its pixels; also what has come to rest."""
+"""Objects with the colours of those that move in sampled frames; also such that have come to rest."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from trackers._detection.detect_frames import REPORT_EVERY, SAMPLES
 from trackers._frames.working_image import view_of
 from trackers.detectors._rows import DetectionRows
 
-ROUGH = 0.35  # of the radius: standard error of a position by the looks alone
-MAX_KINDS = 2  # of things that are looked for beside as many as bodies are meant
+ROUGH = 0.35  # of the radius: standard error of a position by appearance alone
+MAX_KINDS = 2  # of objects that are searched in addition to as many kinds as there are bodies
 SPREAD = 0.3  # of the score of a body from frame to frame
 
 
 def detect(video: FrameSource, options: TrackOptions) -> Detections:
-    """Detect places whose colours are those of things that move (Swain and Ballard 1991), in one pass over the clip.
+    """Detect places whose colours are those of objects that move (Swain and Ballard 1991), in one pass over the clip.
 
     Parameters
     ----------
@@ -31,14 +31,14 @@ def detect(video: FrameSource, options: TrackOptions) -> Detections:
     Raises
     ------
     TrackingError
-        When nothing moves in sampled frames whose looks could be learnt.
+        When nothing moves in sampled frames whose appearance could be learnt.
     DataError
         When the options do not fit the clip.
     """
     scene = SampledScene(view_of(video, options), video.sample(SAMPLES))
     bodies = [body_like(kind, scene.images) for kind in scene.kinds[: options.bodies + MAX_KINDS]]
     if not bodies:
-        raise TrackingError("nothing moves in sampled frames whose looks could be learnt; try the detector disc")
+        raise TrackingError("nothing moves in sampled frames whose appearance could be learnt; try the detector disc")
     table = DetectionRows(DETECTOR.name, (video.width, video.height))
     for frame in with_progress(video.frames(), options.progress, video.n_expected, every=REPORT_EVERY):
         table.begin(frame.index, frame.t_s)
@@ -60,6 +60,6 @@ def detect(video: FrameSource, options: TrackOptions) -> Detections:
 
 DETECTOR = Detector(
     name="appearance",
-    summary="what has the colours of the things that move, also at rest",
+    summary="objects with the colours of those that move, also at rest",
     detect=detect,
 )

@@ -1,7 +1,7 @@
 """Detections to tracks by two assignments: from frame to frame to pieces, then of all pieces of the clip at once [1]_.
 
 The second decides over the whole clip: each end of a piece goes on with the beginning of one later piece, or ends, at
-the least total cost. Any number of bodies is linked at once, whatever the number that is asked for.
+the least total cost. Any number of bodies is linked at once, whatever the requested number.
 
 .. [1] K. Jaqaman et al., Robust single-particle tracking in live-cell time-lapse sequences, Nat. Methods 5 (2008) 695.
 """
@@ -132,8 +132,8 @@ def link(detections: Detections, options: LinkOptions) -> list[Track]:
     long_enough = [piece for piece in pieces if len(piece) >= MIN_DETECTIONS]
     if len(long_enough) < options.bodies:
         raise TrackingError(
-            f"{options.bodies} bodies were asked for, but {len(long_enough)} tracks have {MIN_DETECTIONS} detections; "
-            "ask for fewer, use another detector, or allow for a larger search_range_px or memory"
+            f"{options.bodies} bodies were requested, but {len(long_enough)} tracks have {MIN_DETECTIONS} detections; "
+            "request fewer, use another detector, or allow for a larger search_range_px or memory"
         )
     best = sorted(long_enough, key=lambda piece: -float(log_odds[piece].sum()))[: options.bodies]
     return [_track(detections, piece, str(number)) for number, piece in enumerate(best, start=1)]

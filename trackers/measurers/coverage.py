@@ -16,7 +16,7 @@ from trackers._linking.frame_to_frame import Tracklet
 from trackers._linking.least_cost import least_cost_pairs
 from trackers._linking.to_track import track_of
 
-NEAREST_PX = 3.0  # a body is met within its radius, or this, px
+MIN_REACH_PX = 3.0  # a body is met within its radius, or this, px
 FAR = 1e6
 Seen = tuple[FrameDetections, dict[int, Detection | None]]  # of one frame, and the detection of each body by its number
 
@@ -97,7 +97,7 @@ def _nearest(detections: Sequence[Detection], tracks: Sequence[Track], at: dict[
     away = np.full((len(at), len(places)), FAR)
     for number, (body, row) in enumerate(at.items()):
         radius = tracks[body].radius_px
-        reach = NEAREST_PX if radius is None else max(NEAREST_PX, float(np.nan_to_num(radius[row])))
+        reach = MIN_REACH_PX if radius is None else max(MIN_REACH_PX, float(np.nan_to_num(radius[row])))
         distance = np.hypot(*(places - tracks[body].xy_px[row]).T)
         away[number] = np.where(distance <= reach, distance, FAR)
     bodies = list(at)

@@ -20,7 +20,7 @@ COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#D55E00", "#56B4E9", "#0
 MARKERS = "osD^vP*X"
 NULL_COLOUR = "#999999"
 LINE_HEIGHT = 0.24  # inches a line of the error chart
-SMALLEST = 1e-3  # %, where the error axis ends: smaller errors are drawn there
+MIN_ERROR = 1e-3  # %, where the error axis ends: smaller errors are drawn there
 MAX_CONFUSIONS = 6  # matrices in one chart
 
 
@@ -57,7 +57,7 @@ def error_chart(rows: pd.DataFrame) -> Figure:
         style: dict[str, Any] = (
             {"color": NULL_COLOUR, "marker": "x" if stem == NULLS[0] else "+"} if null else styles[str(stem)]
         )
-        error = np.maximum(group["relative_percent"].to_numpy(dtype=np.float64), SMALLEST)
+        error = np.maximum(group["relative_percent"].to_numpy(dtype=np.float64), MIN_ERROR)
         height = [lines.index(line) for line in group["line"]]
         axes.plot(error, height, linestyle="none", markersize=5, label=_named(str(stem), str(dataset)), **style)
     axes.set(xscale="log", xlabel="error (%)", ylim=(len(lines) - 0.5, -0.5))
@@ -133,7 +133,7 @@ def robustness_chart(rows: pd.DataFrame) -> Figure:
     axes = figure.add_subplot()
     for k, ((phenomenon, parameter), group) in enumerate(chosen.groupby(["phenomenon", "parameter"], sort=False)):
         errors = [relative_error(group[group["condition"] == name]) for name in conditions]
-        shown = [max(error, SMALLEST) if np.isfinite(error) else np.nan for error in errors]
+        shown = [max(error, MIN_ERROR) if np.isfinite(error) else np.nan for error in errors]
         axes.plot(range(len(conditions)), shown, label=f"{phenomenon}, {parameter}", markersize=4, lw=0.8, **_style(k))
     axes.set_xticks(range(len(conditions)), conditions, rotation=45, ha="right", fontsize=8)
     axes.set(yscale="log", ylabel="error (%)")

@@ -15,7 +15,7 @@ from iris_sysid.types import Array
 REACH_SQUARES = 0.42
 MAX_REACH_PX = 24
 STEPS = 25
-ENOUGH_PX = 1e-4
+SETTLED_PX = 1e-4
 SHARPEST_PX = 0.05  # blur of the lens: an edge as sharp as this changes no pixel but those that it crosses
 PIXEL_VARIANCE = 1 / 12  # px^2, of a pixel's own width
 
@@ -149,7 +149,7 @@ def _fit(pixels: Array, levels: Array, params: Array) -> tuple[Array, Array]:
         then = _equations(pixels, levels, trial)
         if then.squares < now.squares:
             params, now, damping = trial, then, damping / 5
-            if np.abs(step[:2]).max() < ENOUGH_PX:
+            if np.abs(step[:2]).max() < SETTLED_PX:
                 break
         else:
             damping *= 10

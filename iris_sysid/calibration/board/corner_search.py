@@ -61,7 +61,7 @@ def locate(grey: Grey, board: Board, thorough: bool) -> FoundCorners | None:
     for method in (_classical, _by_sectors) if thorough else (_quick,):
         for scale, small in _scales(grey, thorough):
             corners = method(small, board)
-            # OpenCV 5 may return every second column of a board that has more of them than asked for
+            # OpenCV 5 may return every second column of a board that has more of them than requested
             if corners is not None and is_board(small, corners.reshape(board.rows, board.columns, 2)):
                 return _at_full_size(corners, small, scale, board)
     return _grown(grey, board) if thorough else None

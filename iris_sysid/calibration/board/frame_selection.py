@@ -14,7 +14,7 @@ from iris_sysid.calibration.board.detect import find_board
 from iris_sysid.errors import CalibrationError
 from iris_sysid.types import Array, Frame, FrameSource, Progress, with_progress
 
-NEARLY_ALIKE = 0.02  # fraction of the image's diagonal
+MIN_DIFFERENCE = 0.02  # fraction of the image's diagonal
 SEARCHED_SLOWLY = 4  # frames
 SMALL_PX = 480 * 270  # of an image: squares of a few px are seen by the slow search alone, which is quick there
 BLURRED_TIMES = 2.0  # the median blur of the sharper half
@@ -148,7 +148,7 @@ def _sharp(views: list[BoardView]) -> list[BoardView]:
 
 def _different(views: list[BoardView], outlines: Array) -> list[int]:
     """Indices of the views that are not near duplicates of a sharper one."""
-    limit_px = NEARLY_ALIKE * math.hypot(*views[0].image_size)
+    limit_px = MIN_DIFFERENCE * math.hypot(*views[0].image_size)
     kept: list[int] = []
     for k, outline in enumerate(outlines):
         if all(np.abs(outline - outlines[other]).max() >= limit_px for other in kept):

@@ -15,7 +15,7 @@ from iris_sysid.diagnosis.planning.rivals import Rival
 from iris_sysid.types import Array, Effect, Hold, OdeModel, Trajectory, View
 
 HIGHEST = 0.95  # lag-1 correlation of the noise that is allowed for
-SMALLEST = 1e-12  # relative variance below which a direction of today's values is known exactly
+MIN_VARIANCE = 1e-12  # relative variance below which a direction of today's values is known exactly
 ROUNDING = 1e-10  # relative singular value below which columns are parallel
 TOLERANCE = 1e-8
 MAX_SAMPLES = 4000  # of a planned clip; more take longer and show nothing else
@@ -238,7 +238,7 @@ def _prior_root(rival: Rival, part: Roles) -> Array:
     if not which:
         return np.zeros((0, 0))
     variances, axes = np.linalg.eigh(covariance / np.outer(errors, errors))
-    return np.asarray(errors[:, None] * axes * np.sqrt(np.maximum(variances, SMALLEST)))
+    return np.asarray(errors[:, None] * axes * np.sqrt(np.maximum(variances, MIN_VARIANCE)))
 
 
 def _basis(matrix: Array) -> Array:

@@ -198,7 +198,7 @@ class FitDocument(Document):
     geometry: dict[str, EstimateEntry]
     """What was measured on the way to the trajectory, e.g. pivot and scale."""
     intervals: dict[str, dict[str, tuple[Number, Number]]] = {}
-    """95 % intervals of the random error by method (robust, profile, bootstrap) and name, where they were asked for."""
+    """95 % intervals of the random error by method (robust, profile, bootstrap) and name, where they were requested."""
     identifiability: IdentifiabilityEntry | None = None
     clips: ClipsEntry | None = None
     """Where several clips were fitted."""

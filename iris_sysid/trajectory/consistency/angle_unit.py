@@ -12,7 +12,7 @@ from iris_sysid.types import Array, Doubt, Estimate, OdeModel, Trajectory
 
 TURNING_POINTS = 4  # three swings to and fro
 CENTRED = 0.1  # of a swing: how far the middles of swings differ that are about one point of rest
-SHORTEST_M = 5e-3  # length of a pendulum that anyone films or measures
+MIN_LENGTH_M = 5e-3  # length of a pendulum that anyone films or measures
 REMEDY = "if they are, name the unit: theta_deg in the table's header, or --columns theta[deg]=NAME"
 
 
@@ -50,7 +50,7 @@ def short_pendulum_doubt(estimates: Mapping[str, Estimate], model: OdeModel) -> 
         The model that was fitted.
     """
     length = estimates.get("length")
-    if not _hangs(model) or length is None or length.unit != "m" or not 0 < length.value < SHORTEST_M:
+    if not _hangs(model) or length is None or length.unit != "m" or not 0 < length.value < MIN_LENGTH_M:
         return ()
     return (Doubt("degrees", f"the pendulum would be {length.value:.3g} m long: are its angles in degrees?", REMEDY),)
 

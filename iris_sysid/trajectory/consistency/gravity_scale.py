@@ -25,7 +25,7 @@ RATES_HZ = (24, 25, 30, 50, 60, 90, 100, 120, 200, 240, 300, 400, 480, 500, 600,
 NEAR_RATE = 0.08  # natural logarithm
 MIN_SAMPLES = 5
 ROUGH = 0.15  # relative standard error of a radius that tells no frame rate
-CLEARLY = 3.0  # standard errors by which a fall must differ from none
+MIN_SIGMAS = 3.0  # standard errors by which a fall must differ from none
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,7 +141,7 @@ def _of_a_flight(body: Trajectory, gravity: float) -> GravityMetre | None:
     t_s, height = body.t_s[used] - body.t_s[used][0], body.position[used, body.column("z")]
     coefficients, covariance = np.polyfit(t_s, height, 2, cov=True)
     acceleration, stderr = -2 * float(coefficients[0]), 2 * math.sqrt(float(covariance[0, 0]))
-    if not acceleration > CLEARLY * stderr:
+    if not acceleration > MIN_SIGMAS * stderr:
         return None
     unit = body.quantities[0].unit
     shown = f"it falls with {acceleration:.3g} {unit}/s^2, not {gravity:.4g} m/s^2"

@@ -33,7 +33,7 @@ from iris_sysid.video.camera_motion.survey import CameraState
 TAKEN_OUT = "taken out; positions are in px of the first frame"
 NOT_MEASURED = "not measured: the background has too little texture; the camera is taken to stand still"
 ALL_ALIKE = "all that has texture moves alike: taken for bodies before a plain wall, not for a camera that moves"
-MOSTLY_WHOLE = 0.6  # of the frames in which it was followed: a thing that is cut more often may be the image's edge
+MIN_WHOLE = 0.6  # of the frames in which it was followed: a point that is cut more often may be the image's edge
 CHECK = "check the overlay, and mark the body: --mark 1=x,y@frame"
 LARGE_PX = 0.5  # of standard error: a motion known no better makes a track doubtful
 REMEDY = "film with the camera on a tripod, or with a textured background in view"
@@ -118,7 +118,7 @@ def in_reference(track: Track, steady: SteadyVideo) -> Track:
         origin={**track.origin, "camera_motion": TAKEN_OUT},
     )
     kept = moved.n_valid / max(track.n_valid, 1)
-    if kept < MOSTLY_WHOLE:
+    if kept < MIN_WHOLE:
         return _doubted(moved, f"the edge of the image cuts what is followed in {1 - kept:.0%} of its frames", CHECK)
     typical = float(np.median(of_motion[moved.valid])) if moved.n_valid else 0.0
     if typical > LARGE_PX:

@@ -26,7 +26,7 @@ MIN_FRAMES = 3  # in which the image must be displaced
 AGREE_PX = 0.7  # of the reduced image: points that move with the image do so to this tolerance
 CLEAR = 3.0  # times the scatter of the points that agree: a smaller displacement may be chance
 AGREEING, MIN_AGREEING = 0.5, 0.3  # of the points that were found again; of all
-STAYING, NEARLY_PX = 0.35, 1.0  # of the displacement of the image, and px: a point that moves less stays
+STAYING, STAYING_PX = 0.35, 1.0  # of the displacement of the image, and px: a point that moves less stays
 STAYS_PX = 0.3  # of the reduced image: a point that is found so near in most frames stays
 STAYS_IN = 0.75  # of the frames
 MAX_STAYING = 0.2  # of the points: with more of them, spread over the image, the camera stands
@@ -86,7 +86,7 @@ class Survey:
         typical = np.array([[fit.size] for fit in fits])
         own = np.hypot(*np.moveaxis(self.displacement[list(displaced)], 2, 0))
         known = np.isfinite(own) & (expected > np.maximum(MIN_PX, 0.5 * typical))
-        stays = known & (np.nan_to_num(own, nan=np.inf) < np.minimum(STAYING * expected, NEARLY_PX))
+        stays = known & (np.nan_to_num(own, nan=np.inf) < np.minimum(STAYING * expected, STAYING_PX))
         often = known.sum(axis=0) >= max(1, len(displaced) // 2)
         staying = often & (stays.sum(axis=0) > STAYS_IN * known.sum(axis=0))
         many = np.count_nonzero(staying) >= MAX_STAYING * np.count_nonzero(often)

@@ -18,7 +18,7 @@ MAX_GAIN = 8.0  # of texture: beyond it, it is noise
 STRONGEST = 99.5  # percentile of the texture
 PATCH = 21  # px, side of the patch that is found again
 LEVELS = 3  # halvings of the image: a patch is found that moved by up to about 80 px
-ENOUGH = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 30, 1e-3)
+CRITERIA = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 30, 1e-3)
 MIN_QUALITY = 1e-3  # of the strongest corner
 TILES = 4  # a side, each with its own corners
 TILED = range(TILES**2)
@@ -118,7 +118,7 @@ def found_again(
     guess = np.array(points if expected is None else expected, dtype=np.float32, order="C").reshape(-1, 1, 2)
     flags = cv2.OPTFLOW_USE_INITIAL_FLOW
     found, state, _ = cv2.calcOpticalFlowPyrLK(
-        before, after, start, guess, winSize=(PATCH, PATCH), maxLevel=levels, criteria=ENOUGH, flags=flags
+        before, after, start, guess, winSize=(PATCH, PATCH), maxLevel=levels, criteria=CRITERIA, flags=flags
     )
     places = found.reshape(-1, 2).astype(np.float64)
     places[state.ravel() == 0] = np.nan
