@@ -135,13 +135,13 @@ def fitted(rows: pd.DataFrame, ridge: float) -> tuple[float, Array]:
     Weights are not negative: ``sum_r c_r (mean_r (-log likelihood) + ridge |w|^2 / 2)`` over recordings is least, with
     ``c_r`` 1 for a real one and ``MADE_UP`` for one that was drawn or rendered.
     """
-    x, y, shown = rows[list(NAMES)].to_numpy(), rows["share"].to_numpy(), on_body(rows)
+    x, y, shown, fixed = rows[list(NAMES)].to_numpy(), rows["share"].to_numpy(), on_body(rows), by_fixed(rows)
     made_up = rows["recording"].str.startswith((DRAWN, RENDERED)).to_numpy()
     each = np.where(made_up, MADE_UP, 1.0) / rows.groupby("recording")["share"].transform("size").to_numpy()
     penalty = ridge * each.sum()
 
     def loss(values: Array) -> tuple[float, Array]:
-        same = expit(values[0] - x @ values[1:])
+        same = expit(values[0] - x @ values[1:] - fixed)
         p = np.clip(shown * same, 1e-9, 1 - 1e-9)
         off = each * (p - y) * (1 - same) / (1 - p)
         value = -(each * (xlogy(y, p) + xlogy(1 - y, 1 - p))).sum() + penalty * (values[1:] ** 2).sum() / 2
@@ -158,13 +158,18 @@ def on_body(rows: pd.DataFrame) -> Array:
     return np.asarray((1 - rows[list(OFF)]).prod(axis=1))
 
 
+def by_fixed(rows: pd.DataFrame) -> Array:
+    """What the evidence with a fixed weight takes from the log odds (n,)."""
+    return np.asarray(rows[list(FIXED)] @ pd.Series(FIXED))
+
+
 def left_out(rows: pd.DataFrame, ridge: float) -> Array:
     """The probability of each row from weights fitted to all other recordings."""
     said = np.empty(len(rows))
     for name in rows["recording"].unique():
         here = (rows["recording"] == name).to_numpy()
         intercept, weights = fitted(rows[~here], ridge)
-        same = expit(intercept - rows.loc[here, list(NAMES)].to_numpy() @ weights)
+        same = expit(intercept - rows.loc[here, list(NAMES)].to_numpy() @ weights - by_fixed(rows[here]))
         said[here] = on_body(rows[here]) * same
     return said
 
@@ -223,7 +228,7 @@ def written(rows: pd.DataFrame, ridge: float) -> str:
             '"""',
             "",
             f"INTERCEPT = {intercept:.3f}  # log odds of a track against which nothing speaks",
-            f"DOUBTFUL = {DOUBTFUL}  # a smaller probability is said with the reasons",
+            f"DOUBTFUL = {DOUBTFUL}  # the program states a smaller probability with its reasons",
             f"SURE = {SURE}  # with this probability no other way is tried",
             "WEIGHTS = {  # what each evidence takes from the log odds",
             *lines,
