@@ -1,8 +1,7 @@
 """The flat row: one value of one parameter, from one method on one clip. Every table is made from these rows alone.
 
 ``study`` assigns a row to a table: ``parameters``, or another of ``STUDIES``. ``dataset`` names the clips, so that
-only errors on the same clips are compared; ``condition`` is the change that was made to a clip before the measurement;
-``answer`` is the predicted class or equation.
+only errors on the same clips are compared; ``answer`` is the predicted class or equation.
 """
 
 from __future__ import annotations
@@ -21,13 +20,8 @@ from iris_sysid.io.formula_cells import guarded, unguarded
 
 PARAMETERS = "parameters"
 SELECTION = "selection"
-IDENTIFIABILITY = "identifiability"
 EXTRAPOLATION = "extrapolation"
-ROBUSTNESS = "robustness"
-SHARING = "sharing"
-COUPLING = "coupling"
-LOSSES = "losses"
-STUDIES = (PARAMETERS, SELECTION, IDENTIFIABILITY, EXTRAPOLATION, ROBUSTNESS, SHARING, COUPLING, LOSSES)
+STUDIES = (PARAMETERS, SELECTION, EXTRAPOLATION)
 
 COLUMNS = (
     "study",
@@ -36,7 +30,6 @@ COLUMNS = (
     "setting",
     "clip",
     "method",
-    "condition",
     "parameter",
     "seed",
     "value",
@@ -49,7 +42,7 @@ COLUMNS = (
     "answer",
     "source",
 )
-KEY = ("study", "dataset", "phenomenon", "setting", "clip", "method", "condition", "parameter", "seed")
+KEY = ("study", "dataset", "phenomenon", "setting", "clip", "method", "parameter", "seed")
 GROUP = ("dataset", "phenomenon", "setting", "parameter")
 NUMBERS = ("value", "stderr", "truth", "error")
 TEXTS = tuple(name for name in COLUMNS if name not in (*NUMBERS, "seed"))

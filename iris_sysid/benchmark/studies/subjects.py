@@ -80,11 +80,10 @@ class Subject:
         finite = {name: estimate for name, estimate in known.items() if math.isfinite(estimate.value)}
         return finite, [name for name in document.free if name in constants]
 
-    def refit(self, trajectory: Trajectory | None = None, **more: Any) -> FitResult:
-        """The same fit again, or of another trajectory, or with other arguments of :func:`fitters.ode.fit`."""
+    def refit(self, trajectory: Trajectory) -> FitResult:
+        """The same fit of another trajectory."""
         known, free = self.known_and_free()
-        chosen = self.trajectory() if trajectory is None else trajectory
-        return fit(chosen, self.model, **({"fixed": known, "free": free} | more))
+        return fit(trajectory, self.model, fixed=known, free=free)
 
     def record(self, **more: Any) -> dict[str, Any]:
         """A flat row of this clip, with the other columns from the keywords."""

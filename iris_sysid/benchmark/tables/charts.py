@@ -1,4 +1,4 @@
-"""Charts of the benchmark from its flat rows: errors, confusion matrices, extrapolation errors, robustness."""
+"""Charts of the benchmark from its flat rows: errors, confusion matrices, extrapolation errors."""
 
 from __future__ import annotations
 
@@ -10,9 +10,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from iris_sysid.benchmark.sources.rows import EXTRAPOLATION, PARAMETERS, ROBUSTNESS, SELECTION, method_name
+from iris_sysid.benchmark.sources.rows import EXTRAPOLATION, PARAMETERS, SELECTION, method_name
 from iris_sysid.benchmark.tables.headline import NULLS
-from iris_sysid.benchmark.tables.study_tables import relative_error
 from iris_sysid.benchmark.tables.summary import parameter_summary
 
 # Okabe and Ito (2008): colours that are distinct for every kind of colour vision; markers differ as well
@@ -34,7 +33,6 @@ def charts_of(rows: pd.DataFrame) -> dict[str, tuple[Figure, str]]:
         ),
         "confusion": (SELECTION, confusion_chart, "Answers (across) by true class (down), as shares of a class."),
         "extrapolation": (EXTRAPOLATION, extrapolation_chart, "Error k frames beyond the 100 fitted; mean of clips."),
-        "robustness": (ROBUSTNESS, robustness_chart, "Median relative error after each change to the clips."),
     }
     present = set(rows["study"])
     return {name: (make(rows), text) for name, (study, make, text) in makers.items() if study in present}
@@ -122,21 +120,4 @@ def extrapolation_chart(rows: pd.DataFrame) -> Figure:
         axes.set(xlabel="frames beyond the fit", ylabel=f"error ({unit})", yscale="log")
         axes.grid(alpha=0.3)
         axes.legend(fontsize=7)
-    return figure
-
-
-def robustness_chart(rows: pd.DataFrame) -> Figure:
-    """Median relative error after each change, one line per phenomenon and parameter; from flat ``rows``."""
-    chosen = rows[rows["study"] == ROBUSTNESS]
-    conditions = list(dict.fromkeys(chosen["condition"]))
-    figure = Figure(figsize=(10, 4.8), layout="constrained")
-    axes = figure.add_subplot()
-    for k, ((phenomenon, parameter), group) in enumerate(chosen.groupby(["phenomenon", "parameter"], sort=False)):
-        errors = [relative_error(group[group["condition"] == name]) for name in conditions]
-        shown = [max(error, SMALLEST) if np.isfinite(error) else np.nan for error in errors]
-        axes.plot(range(len(conditions)), shown, label=f"{phenomenon}, {parameter}", markersize=4, lw=0.8, **_style(k))
-    axes.set_xticks(range(len(conditions)), conditions, rotation=45, ha="right", fontsize=8)
-    axes.set(yscale="log", ylabel="error (%)")
-    axes.grid(alpha=0.3)
-    figure.legend(loc="outside right upper", fontsize=7)
     return figure
