@@ -130,7 +130,7 @@ def test_pages_are_complete_and_the_same_again(tmp_path):
         assert first[name].read_bytes() == second[name].read_bytes(), name
     page = first["benchmark.html"].read_text("utf-8")
     assert "a &lt;gap&gt;" in page
-    assert page.count("data:image/png;base64,") == len(charts_of(every_study())) == 3
+    assert page.count("data:image/png;base64,") == len(charts_of(every_study())) == 2
     assert r"\begin{longtable}" in first["benchmark.tex"].read_text("utf-8")
 
 
