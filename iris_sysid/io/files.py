@@ -33,7 +33,6 @@ PACKAGES = (
     "lmfit",
     "filterpy",
     "pandas",
-    "pysindy",
     "opencv-contrib-python-headless",
     "av",
 )
