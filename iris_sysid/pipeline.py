@@ -40,7 +40,7 @@ NO_GEOMETRY = GeometryOptions()
 
 @dataclass(frozen=True, eq=False, slots=True)
 class RunRequest:
-    """All that a run of one clip is told; see :func:`run`. ``phenomenon`` is None until it is chosen."""
+    """The options of a run of one clip; see :func:`run`. ``phenomenon`` is None until it is chosen."""
 
     phenomenon: Phenomenon | None = None
     _: KW_ONLY
