@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from iris_sysid import detect, link, measure, read_track
+from iris_sysid import detect, read_track, track
 from tests._drawn import noisy
 from tests._motions import on_arc, pendulum_angle
 from tests._project import ROOT
@@ -56,9 +56,10 @@ def test_error_in_a_file_of_ones_own_names_file_and_line(cli, own_file, leaving_
 
 
 def test_detector_of_the_guide_is_linked_and_measured(pendulum_clip, tmp_path):
-    (tmp_path / "my_stages.py").write_text(STAGES)
-    detections = detect(pendulum_clip, f"{tmp_path / 'my_stages.py'}:coloured")
-    (body,) = measure(pendulum_clip, link(detections))
+    file = tmp_path / "my_stages.py"
+    file.write_text(STAGES)
+    detections = detect(pendulum_clip, f"{file}:coloured")
+    (body,) = track(pendulum_clip, f"{file}:tracker")
     assert body.valid.mean() > 0.7
     apart = np.hypot(*(body.xy_px[body.valid] - detections.xy_px[np.isin(detections.frame, body.frame[body.valid])]).T)
     assert np.median(apart) < 2.0
