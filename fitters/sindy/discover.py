@@ -1,6 +1,6 @@
 """Discover the governing equation: sparse regression proposes it, trajectory fits select and refine it.
 
-1. The weak form of every candidate equation, with the noise of its rows known, gives rows to stepwise sparse
+1. The weak form of every candidate equation, with the noise of its rows known, gives rows to pysindy's stepwise sparse
    regression; the prediction of held-out rows decides the number of terms.
 2. The proposed equation is fitted to the trajectories by the ODE engine. About that fit, all candidates compete again
    on the sensitivities of the trajectory; the price of a term is chosen by prediction of held-out parts of the clips.
@@ -201,12 +201,12 @@ def _origin(clips: Sequence[Trajectory]) -> dict[str, Any]:
 
 
 def _starts(pieces: list[Piece], library: Library) -> list[tuple[Kept, dict[str, float]]]:
-    """Proposed choices with coefficients: the best predicting, the significant, all smooth terms, then single terms."""
+    """Proposed choices with coefficients: pysindy's, the significant terms, all smooth terms, then single terms."""
     rows = rows_of(pieces, library)
-    choices = [[list(kept) for kept in proposed(row)] for row in rows]
+    choices = [proposed(row) for row in rows]
     best = [path[predicted_best(row, path)] for row, path in zip(rows, choices, strict=True)]
     normals = [Compressed.of(row.right, row.left) for row in rows]
-    sure = [list(significant(problem, term_price(problem))) for problem in normals]
+    sure = [np.array(significant(problem, term_price(problem)), dtype=np.intp) for problem in normals]
     smooth = [_smooth(library, equation) for equation in range(len(rows))]
     single = [path[min(1, len(path) - 1)] for path in choices]
     return [_start(library, rows, choice) for choice in (best, sure, smooth, single)]

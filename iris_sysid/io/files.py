@@ -33,6 +33,7 @@ PACKAGES = (
     "lmfit",
     "filterpy",
     "pandas",
+    "pysindy",
     "opencv-contrib-python-headless",
     "av",
 )
