@@ -14,7 +14,12 @@ from validation import pages
 TABLES = {
     "headline": "benchmark-parameters",
     "selection": "benchmark-selection",
+    "coupling": "benchmark-coupling",
+    "sharing": "benchmark-sharing",
+    "losses": "benchmark-losses",
+    "identifiability": "benchmark-identifiability",
     "extrapolation": "benchmark-extrapolation",
+    "robustness": "benchmark-robustness",
 }
 
 

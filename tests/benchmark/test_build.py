@@ -12,8 +12,8 @@ from iris_sysid.benchmark.sources.rows import STUDIES, flat_rows, read_rows, row
 from iris_sysid.benchmark.tables import pages
 from iris_sysid.benchmark.tables.all_tables import tables_of
 from iris_sysid.benchmark.tables.charts import charts_of
-from iris_sysid.benchmark.tables.headline import smallest
 from iris_sysid.benchmark.tables.pages import write_pages
+from iris_sysid.benchmark.tables.study_tables import LAYOUTS, smallest
 from iris_sysid.errors import DataError, OutputError
 from iris_sysid.io.files import write_atomic
 from tests._project import recording
@@ -43,9 +43,16 @@ def every_study():
         )
         for clip, right, answer in (("01", True, "pendulum"), ("02", False, "free-fall"))
     ]
+    rows += [row(study="identifiability", parameter="condition", value=12.0, truth=None)]
     rows += [
         row(study="extrapolation", parameter=f"E_{k}", unit="rad", value=k / 1e3, truth=None) for k in (10, 25, 50)
     ]
+    rows += [row(study="robustness", condition=name, value=v) for name, v in (("none", 0.5), ("noise 10", 0.55))]
+    rows += [row(study="sharing", method=name, value=v) for name, v in (("per clip", 0.52), ("shared", 0.501))]
+    rows += [
+        row(study="coupling", method=m, parameter="held out", value=v, truth=None) for m, v in (("0", 2), ("free", 1))
+    ]
+    rows += [row(study="losses", method="one-step, Euler-Cromer", value=0.6)]
     return flat_rows(rows)
 
 
@@ -59,6 +66,7 @@ def test_every_study_has_its_table_made_from_the_rows_alone():
     tables = tables_of(every_study())
     assert set(STUDIES) - set(tables) == set()
     assert {"headline", "failures", "confusion twin bank"} <= set(tables)
+    assert set(LAYOUTS) < set(STUDIES)
 
 
 def test_headline_stands_methods_on_different_clips_side_by_side_and_compares_within_the_same_clips():
@@ -80,9 +88,13 @@ def test_headline_shows_the_mean_where_no_truth_is_known():
     assert cells(tables_of(rows)["headline"], "ode") == [("mean 3.00 ± 1.4 (2)",)]
 
 
-def test_extrapolation_has_one_column_a_horizon():
-    table = tables_of(every_study())["extrapolation"]
-    assert cells(table, "E_10", "E_50") == [("0.0100 (1)", "0.0500 (1)")]
+def test_robustness_has_one_column_a_condition():
+    table = tables_of(every_study())["robustness"]
+    assert cells(table, "none", "noise 10") == [("0 (1)", "10.0 (1)")]
+
+
+def test_smaller_held_out_error_is_bold():
+    assert cells(tables_of(every_study())["coupling"], "0", "free") == [("2.00 (1)", "1.00 (1)*")]
 
 
 def test_smallest_is_decided_by_what_is_displayed():
@@ -111,7 +123,7 @@ def test_rows_read_back_exactly(tmp_path):
     [
         (("0.51", "half"), "value is 'half', which is not a number"),
         (("study,", "kind,"), "has no column 'study'"),
-        (("extrapolation", "magic"), "is of no known study"),
+        (("identifiability", "magic"), "is of no known study"),
         ((",ok,", ",ok,,"), "fields where the header has"),
         (("0.51,", ","), "has status ok but no finite value"),
     ],
@@ -130,7 +142,7 @@ def test_pages_are_complete_and_the_same_again(tmp_path):
         assert first[name].read_bytes() == second[name].read_bytes(), name
     page = first["benchmark.html"].read_text("utf-8")
     assert "a &lt;gap&gt;" in page
-    assert page.count("data:image/png;base64,") == len(charts_of(every_study())) == 2
+    assert page.count("data:image/png;base64,") == len(charts_of(every_study())) == 4
     assert r"\begin{longtable}" in first["benchmark.tex"].read_text("utf-8")
 
 

@@ -13,7 +13,7 @@ ROW = {"phenomenon": "Pendulum", "setting": "pendulum_45", "clip": "01", "method
 
 def test_columns_are_the_agreed_ones():
     assert ",".join(COLUMNS) == (
-        "study,dataset,phenomenon,setting,clip,method,parameter,seed,value,stderr,unit,truth,truth_source,"
+        "study,dataset,phenomenon,setting,clip,method,condition,parameter,seed,value,stderr,unit,truth,truth_source,"
         "error,status,answer,source"
     )
 

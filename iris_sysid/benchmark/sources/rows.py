@@ -1,7 +1,8 @@
 """The flat row: one value of one parameter, from one method on one clip. Every table is made from these rows alone.
 
 ``study`` assigns a row to a table: ``parameters``, or another of ``STUDIES``. ``dataset`` names the clips, so that
-only errors on the same clips are compared; ``answer`` is the predicted class or equation.
+only errors on the same clips are compared; ``condition`` is the change that was made to a clip before the measurement;
+``answer`` is the predicted class or equation.
 """
 
 from __future__ import annotations
@@ -20,8 +21,13 @@ from iris_sysid.io.formula_cells import guarded, unguarded
 
 PARAMETERS = "parameters"
 SELECTION = "selection"
+IDENTIFIABILITY = "identifiability"
 EXTRAPOLATION = "extrapolation"
-STUDIES = (PARAMETERS, SELECTION, EXTRAPOLATION)
+ROBUSTNESS = "robustness"
+SHARING = "sharing"
+COUPLING = "coupling"
+LOSSES = "losses"
+STUDIES = (PARAMETERS, SELECTION, IDENTIFIABILITY, EXTRAPOLATION, ROBUSTNESS, SHARING, COUPLING, LOSSES)
 
 COLUMNS = (
     "study",
@@ -30,6 +36,7 @@ COLUMNS = (
     "setting",
     "clip",
     "method",
+    "condition",
     "parameter",
     "seed",
     "value",
@@ -42,7 +49,7 @@ COLUMNS = (
     "answer",
     "source",
 )
-KEY = ("study", "dataset", "phenomenon", "setting", "clip", "method", "parameter", "seed")
+KEY = ("study", "dataset", "phenomenon", "setting", "clip", "method", "condition", "parameter", "seed")
 GROUP = ("dataset", "phenomenon", "setting", "parameter")
 NUMBERS = ("value", "stderr", "truth", "error")
 TEXTS = tuple(name for name in COLUMNS if name not in (*NUMBERS, "seed"))

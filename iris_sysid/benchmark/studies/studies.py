@@ -6,11 +6,16 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from fitters.ode.identifiability import identifiability
 from fitters.sindy import discover
-from iris_sysid.benchmark.sources.rows import EXTRAPOLATION, FAILED
+from iris_sysid.benchmark.sources.conversions import GRAVITY
+from iris_sysid.benchmark.sources.rows import COUPLING, EXTRAPOLATION, FAILED, IDENTIFIABILITY, LOSSES, OK
+from iris_sysid.benchmark.studies.coupling import coupling_rows
+from iris_sysid.benchmark.studies.losses import stiffnesses
 from iris_sysid.benchmark.studies.subjects import Records, Subject, simulated
 from iris_sysid.diagnosis.diagnose import diagnose
 from iris_sysid.errors import IrisError
+from iris_sysid.types import Estimate
 
 Study = Callable[[Subject], Records]
 
@@ -18,6 +23,7 @@ ODE, EFFECTS, SINDY = "ode", "ode+effects", "sindy"
 TRAINED, AHEAD = 100, (10, 25, 50)  # frames: fitted, and predicted beyond (eq:extrapolation)
 TOO_SHORT = "too-short"
 NEAREST = "nearest in the bank"  # status where the discovered equation is not in the bank
+PENDULUM = "pendulum"
 
 
 def ode_rows(subject: Subject) -> Records:
@@ -48,6 +54,22 @@ def sindy_rows(subject: Subject) -> Records:
     return subject.records(match.parameters, status, method=SINDY, answer=match.model, seed=0)
 
 
+def identifiability_rows(subject: Subject) -> Records:
+    """Identifiability of the parameters from the clip: condition numbers, gradients, one-step residual."""
+    trajectory = subject.trajectory()
+    result = subject.refit(trajectory)
+    analysis = identifiability(result, trajectory)
+    noise = np.maximum(analysis.ode_residual_noise, 1e-300)
+    numbers = {
+        "condition": analysis.condition,
+        "condition of the Hessian": analysis.hessian_condition,
+        "gradient, first": analysis.gradients[0] if analysis.gradients else np.nan,
+        "gradient, last": analysis.gradients[-1] if analysis.gradients else np.nan,
+        "one-step residual over noise": float(np.mean(analysis.ode_residual / noise)),
+    }
+    return [subject.plain_record(IDENTIFIABILITY, ODE, name, value, "1") for name, value in numbers.items()]
+
+
 def extrapolation_rows(subject: Subject) -> Records:
     """E_k, the squared error k frames beyond the first 100 of the motion, after a fit to these 100 frames."""
     trajectory = subject.trajectory()
@@ -69,11 +91,34 @@ def extrapolation_rows(subject: Subject) -> Records:
     ]
 
 
+def loss_rows(subject: Subject) -> Records:
+    """A pendulum's length by the publication's losses and integrators, minimised exactly on the tracked angle."""
+    if subject.clip.phenomenon != PENDULUM:
+        return []
+    trajectory = subject.trajectory()
+    used = np.flatnonzero(trajectory.valid & trajectory.mask("motion"))
+    first_run = used[: int(np.argmax(np.diff(used) > 1)) + 1] if (np.diff(used) > 1).any() else used
+    dt = float(np.median(np.diff(trajectory.t_s[first_run])))
+    results = stiffnesses(trajectory.position[first_run, 0], dt)
+    lengths = {name: GRAVITY / stiffness if stiffness > 0 else np.nan for name, stiffness in results}
+    document = subject.measured.document
+    lengths["whole trajectory, order 8, sine"] = document.estimates()["length"].value
+    return [
+        record | {"study": LOSSES, "method": name}
+        for name, length in lengths.items()
+        for record in subject.records({"length": Estimate(length, np.nan, "m", "fitted")}, OK)
+        if record["parameter"] == "length"
+    ]
+
+
 # by name of the study: the function that makes its rows, and the study, method and parameter of the row of a failure
 STUDY_OF: Mapping[str, tuple[Study, str, str, str]] = {
     EFFECTS: (effect_rows, "", EFFECTS, ""),
     SINDY: (sindy_rows, "", SINDY, ""),
+    IDENTIFIABILITY: (identifiability_rows, IDENTIFIABILITY, ODE, "condition"),
     EXTRAPOLATION: (extrapolation_rows, EXTRAPOLATION, ODE, f"E_{AHEAD[0]}"),
+    COUPLING: (coupling_rows, COUPLING, "impacts", "held-out rms"),
+    LOSSES: (loss_rows, LOSSES, "whole trajectory, order 8, sine", "length"),
 }
 
 

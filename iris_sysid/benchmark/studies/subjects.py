@@ -80,10 +80,11 @@ class Subject:
         finite = {name: estimate for name, estimate in known.items() if math.isfinite(estimate.value)}
         return finite, [name for name in document.free if name in constants]
 
-    def refit(self, trajectory: Trajectory) -> FitResult:
-        """The same fit of another trajectory."""
+    def refit(self, trajectory: Trajectory | None = None, **more: Any) -> FitResult:
+        """The same fit again, or of another trajectory, or with other arguments of :func:`fitters.ode.fit`."""
         known, free = self.known_and_free()
-        return fit(trajectory, self.model, fixed=known, free=free)
+        chosen = self.trajectory() if trajectory is None else trajectory
+        return fit(chosen, self.model, **({"fixed": known, "free": free} | more))
 
     def record(self, **more: Any) -> dict[str, Any]:
         """A flat row of this clip, with the other columns from the keywords."""

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pandas as pd
 
-from iris_sysid.benchmark.sources.rows import EXTRAPOLATION, OK, PARAMETERS, SELECTION, check_rows
-from iris_sysid.benchmark.tables.extrapolation_table import extrapolation_table
+from iris_sysid.benchmark.sources.rows import OK, PARAMETERS, SELECTION, check_rows
 from iris_sysid.benchmark.tables.headline import headline_table
 from iris_sysid.benchmark.tables.selection_tables import accuracy_table, confusion_tables
+from iris_sysid.benchmark.tables.study_tables import LAYOUTS, study_table
 from iris_sysid.benchmark.tables.table import Table, frame_table, parameter_table
 
 
@@ -24,7 +24,7 @@ def tables_of(rows: pd.DataFrame, *, reference: str | None = None) -> dict[str, 
     Returns
     -------
     dict
-        ``headline``, ``parameters``, ``selection`` and its confusion matrices, ``extrapolation``,
+        ``headline``, ``parameters``, ``selection`` and its confusion matrices, one table for each further study,
         ``failures``. A study without rows has no table.
 
     Raises
@@ -40,8 +40,7 @@ def tables_of(rows: pd.DataFrame, *, reference: str | None = None) -> dict[str, 
     if SELECTION in present:
         tables["selection"] = accuracy_table(rows)
         tables |= dict(confusion_tables(rows))
-    if EXTRAPOLATION in present:
-        tables[EXTRAPOLATION] = extrapolation_table(rows)
+    tables |= {study: study_table(rows, study) for study in LAYOUTS if study in present}
     if (rows["status"] != OK).any():
         tables["failures"] = failure_table(rows)
     return tables

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Hashable, Iterator, Sequence
+from collections.abc import Hashable, Iterator
 
 import numpy as np
 import pandas as pd
 
 from iris_sysid.benchmark.sources.null_baselines import INITIAL, METADATA
 from iris_sysid.benchmark.sources.rows import method_name
+from iris_sysid.benchmark.tables.study_tables import smallest
 from iris_sysid.benchmark.tables.summary import ABSENT, competing, displayed, parameter_summary
 from iris_sysid.benchmark.tables.table import Cell, Table
 
@@ -97,10 +98,3 @@ def _text(entry: pd.Series | None) -> str:
     centre, spread = (entry["mae"], entry["mae_sd"]) if known else (entry["mean"], entry["sd"])
     width = f" ± {displayed(spread, 2)}" if np.isfinite(spread) and entry["n"] > 1 else ""
     return f"{'' if known or not np.isfinite(centre) else 'mean '}{displayed(centre)}{width} {count}"
-
-
-def smallest(numbers: Sequence[float]) -> tuple[int, ...]:
-    """Indices of the smallest numbers as displayed: several where displays are equal, never a NaN."""
-    shown = [float(displayed(number)) if np.isfinite(number) else np.inf for number in numbers]
-    least = min(shown, default=np.inf)
-    return tuple(k for k, value in enumerate(shown) if np.isfinite(value) and value == least)

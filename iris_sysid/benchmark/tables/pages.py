@@ -20,7 +20,8 @@ from iris_sysid.report.page import png_of
 TITLE = "Benchmark"
 PAGES = ("rows.csv", "benchmark.md", "benchmark.tex", "benchmark.html", "manifest.json")
 FOLDED = ("parameters", "confusion", "failures")  # long tables, collapsed on the page
-CHART_OF = {"headline": "errors", "extrapolation": "extrapolation"}
+CHART_OF = {"headline": "errors", "selection": "confusion", "extrapolation": "extrapolation"}
+CHART_OF |= {"robustness": "robustness"}
 
 
 def check_pages(folder: str | Path, *, overwrite: bool = False) -> None:
