@@ -9,7 +9,7 @@ sys.path.insert(0, str(Path(__file__).parent))  # mathml
 from sphinx.application import Sphinx
 
 from iris_sysid._version import __version__
-from iris_sysid.report.gallery import write_gallery
+from validation.gallery import write_gallery
 
 project = "iris-sysid"
 author = "The iris-sysid founders"

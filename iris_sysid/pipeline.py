@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
+from dataclasses import KW_ONLY, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +37,29 @@ FILES = (CLIP_PLACE, "track.csv", "trajectory.csv", "fit.json", "track.png", "fi
 AUTO = "auto"  # the tracker that chooses another one, and binds tracks to marks
 WHOLE_CLIP = ClipOptions()
 NO_GEOMETRY = GeometryOptions()
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class RunRequest:
+    """The options of a run of one clip; see :func:`run`. ``phenomenon`` is None until it is chosen."""
+
+    phenomenon: Phenomenon | None = None
+    _: KW_ONLY
+    calibration: Calibration | None = None
+    settings: Mapping[str, Estimate] = field(default_factory=dict)
+    free: tuple[str, ...] = ()
+    tracking: TrackOptions = field(default_factory=TrackOptions)
+    clip: ClipOptions = WHOLE_CLIP
+    geometry: GeometryOptions = NO_GEOMETRY
+
+    def of_tracks(self) -> dict[str, Any]:
+        """The arguments of :func:`run_tracked`, which :func:`run` takes too."""
+        return {name: value for name, value in self.values().items() if name not in ("phenomenon", "tracking")}
+
+    def values(self) -> dict[str, Any]:
+        """The values by name, without those that a more special request adds."""
+        return {item.name: getattr(self, item.name) for item in fields(RunRequest)}
+
 
 # Fitting, smoothing, tables and reports are imported where they are used: tracking alone, and a request that is
 # refused, must not wait for them.
@@ -277,21 +300,18 @@ def run(
         raise DataError(f"marks of bodies are for the tracker {AUTO}, not for {chosen.tracker}; add --tracker {AUTO}")
     options = options or TrackOptions(bodies=chosen.bodies)
     tracks = track(video, chosen.tracker, options)
-    request = request_origin(
-        chosen, settings=known, free=free, clip=clip, geometry=geometry, calibration=calibration, options=options
-    )
-    tracks = from_source(tracks, source, request, complete=video.complete)
-    return run_tracked(
-        video,
-        tracks,
+    told = RunRequest(
         chosen,
-        source=source,
         calibration=calibration,
         settings=known,
-        free=free,
+        free=tuple(free),
+        tracking=options,
         clip=clip,
         geometry=geometry,
     )
+    request = request_origin(chosen, told)
+    tracks = from_source(tracks, source, request, complete=video.complete)
+    return run_tracked(video, tracks, chosen, source=source, **told.of_tracks())
 
 
 def run_tracked(
@@ -411,23 +431,9 @@ def check_request(
         raise CalibrationError(f"gravity gives the scale of a free flight only, not of {phenomenon.name}")
 
 
-def request_origin(
-    phenomenon: Phenomenon,
-    *,
-    settings: Mapping[str, Estimate],
-    free: Sequence[str],
-    clip: ClipOptions,
-    geometry: GeometryOptions,
-    calibration: Calibration | None,
-    options: TrackOptions,
-) -> dict[str, Any]:
-    """The request as the origin of a track holds it; ``iris-sysid review`` reads it back.
-
-    Parameters
-    ----------
-    phenomenon, settings, free, clip, geometry, calibration, options
-        As for :func:`run`.
-    """
+def request_origin(phenomenon: Phenomenon, told: RunRequest) -> dict[str, Any]:
+    """The request as the origin of a track holds it; ``iris-sysid review`` reads it back."""
+    clip, geometry, options = told.clip, told.geometry, told.tracking
     gravity = geometry.scale_from_gravity
     return {
         "phenomenon": phenomenon.name,
@@ -437,16 +443,17 @@ def request_origin(
         "stop_s": clip.stop_s,
         "keep_partial": clip.keep_partial,
         "settings": {
-            name: {"value": known.value, "stderr": known.stderr, "unit": known.unit} for name, known in settings.items()
+            name: {"value": known.value, "stderr": known.stderr, "unit": known.unit}
+            for name, known in told.settings.items()
         },
         "scale_from_gravity": None if gravity is None else gravity.value,
-        "free": list(free),
+        "free": list(told.free),
         "marks_px": dict(geometry.marks_px),
         "plumb_px": geometry.plumb_px,
         "vertical": geometry.vertical,
         "clock_stderr": clip.fps_stderr,
         "scale_from_gravity_stderr": None if gravity is None else gravity.stderr,
-        "scale": None if calibration is None else _scale_origin(calibration),
+        "scale": None if told.calibration is None else _scale_origin(told.calibration),
         "roi": options.roi,
         "colour": options.colour,
         "bodies": options.bodies,

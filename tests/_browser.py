@@ -10,6 +10,8 @@ import pytest
 
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 DRIVER = shutil.which("chromedriver")
+AXE = Path(os.environ.get("AXE_CORE", "axe.min.js"))
+needs_axe = pytest.mark.skipif(not AXE.is_file(), reason="AXE_CORE names no axe.min.js")
 FLAGS = (
     "--no-sandbox",
     "--disable-gpu",
@@ -43,3 +45,10 @@ def started_browser(profile: Path, *flags: str, **preferences: object) -> Iterat
         yield driver
     finally:
         driver.quit()
+
+
+def serious_faults(page) -> list[str]:
+    """What axe finds serious in a page, its shadow roots included."""
+    page.execute_script(AXE.read_text("utf-8"))
+    found = page.execute_async_script("axe.run(document).then(arguments[arguments.length - 1])")
+    return [fault["id"] for fault in found["violations"] if fault["impact"] in ("serious", "critical")]

@@ -19,7 +19,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from iris_sysid.report.gallery import INK, LINES, STYLE
+from validation.gallery import INK, LINES, STYLE
 
 RESULTS = Path(__file__).parent / "results"
 FIGURES = Path(__file__).parent.parent / "docs" / "validation" / "figures"

@@ -137,7 +137,7 @@ def prepare(case: Case, folder: Path) -> Path:
         _write_clip(case, clip)
     if not (result / "track.csv").exists():
         result.mkdir(exist_ok=True)
-        request = ReviewRequest(PHENOMENA["pendulum"], scale(_px_per_metre(case), 1.0))
+        request = ReviewRequest(PHENOMENA["pendulum"], calibration=scale(_px_per_metre(case), 1.0))
         write_track(from_source([_swing(case)], clip, request.recorded()), result / "track.csv")
     return result
 

@@ -13,7 +13,8 @@ from iris_sysid.benchmark.dataset import SUFFIXES as CLIPS
 from iris_sysid.errors import DataError
 from iris_sysid.io.grouped_table import groups_of_table
 from iris_sysid.io.windows_paths import RESERVED
-from iris_sysid.types import Calibration, ClipOptions, Estimate, GeometryOptions, Phenomenon, TrackOptions
+from iris_sysid.pipeline import RunRequest
+from iris_sysid.types import Phenomenon
 
 TABLES = (".csv", ".txt", ".tsv", ".dat", ".xlsx", ".xls")
 GROUPS_FILE = "groups.csv"  # beside the clips: what is special about single groups
@@ -24,21 +25,14 @@ MAX_NAME = 60
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class GroupRequest:
+class GroupRequest(RunRequest):
     """How a group is to be measured.
 
-    ``calibration`` is None where no scale is known; ``columns`` names the columns of a table of another program;
-    ``settings`` are known values by name, ``free`` constants to estimate as well. ``typed`` holds the options as a
-    reader knows them, for the origin of the results.
+    ``columns`` names the columns of a table of another program. ``typed`` holds the options as a reader knows them, for
+    the origin of the results.
     """
 
     phenomenon: Phenomenon
-    calibration: Calibration | None = None
-    settings: Mapping[str, Estimate] = field(default_factory=dict)
-    free: tuple[str, ...] = ()
-    tracking: TrackOptions = field(default_factory=TrackOptions)
-    clip: ClipOptions = field(default_factory=ClipOptions)
-    geometry: GeometryOptions = field(default_factory=GeometryOptions)
     columns: Mapping[str, str] | None = None
     typed: Mapping[str, Any] = field(default_factory=dict)
 

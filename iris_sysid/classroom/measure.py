@@ -191,13 +191,7 @@ def _of_a_clip(group: Group, folder: Path, corrected: Sequence[Track]) -> Measur
         chain = partial(run_tracked, open_clip(path, request.clip), corrected, request.phenomenon, source=path)
     else:
         chain = partial(run, path, request.phenomenon, options=request.tracking)
-    result = chain(
-        calibration=request.calibration,
-        settings=request.settings,
-        free=request.free,
-        clip=request.clip,
-        geometry=request.geometry,
-    )
+    result = chain(**request.of_tracks())
     save(result, folder, overwrite=True)
     world = result.world[0] if request.phenomenon.measures == "position" else None
     facts = result.video.facts if isinstance(result.video, Video) and request.clip.fps is None else {}

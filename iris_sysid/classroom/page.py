@@ -11,7 +11,7 @@ from urllib.parse import quote
 
 import jinja2
 
-from iris_sysid.classroom.picture import class_figure, svg_of
+from iris_sysid.classroom.picture import PHONE_IN, class_figure, svg_of
 from iris_sysid.classroom.summary import ClassResult, GroupResult, shown_name
 from iris_sysid.io.files import write_atomic
 from iris_sysid.report.text import as_sentence, interval_text, shown_unit, with_error
@@ -94,6 +94,7 @@ def page_text(
         named=[_named(group, pages, reviews) for group in result.named],
         served=served is not None,
         picture=svg_of(class_figure(result)),
+        narrow=svg_of(class_figure(result, PHONE_IN)),
         caption=CAPTION,
         columns=_columns(result, others),
         rows=[_row(group, others, pages) for group in result.groups],

@@ -17,12 +17,12 @@ from iris_sysid.types import NORMAL_975
 
 USUAL, OUTLYING, MEAN, KNOWN = "#0072B2", "#D55E00", "#0072B2", "#009E73"  # Okabe and Ito (2008)
 AXIS = "#808080"  # seen on white and on black
-WIDTH_IN, ROW_IN, MIN_IN = 8.0, 0.24, 2.0
+WIDTH_IN, PHONE_IN, ROW_IN, MIN_IN = 8.0, 4.2, 0.24, 2.0
 BEYOND = 1.6  # widths of the usual groups on either side, beyond which a value is drawn as an arrow at the edge
 MAX_NAME = 24
 
 
-def class_figure(result: ClassResult) -> Figure:
+def class_figure(result: ClassResult, width_in: float = WIDTH_IN) -> Figure:
     """Draw the value of every group with its 95 % interval, one below the other.
 
     A value that is so far off that the others would be one point is an arrow at the edge, with its number.
@@ -31,14 +31,16 @@ def class_figure(result: ClassResult) -> Figure:
     ----------
     result
         The class.
+    width_in
+        Of the figure, inches.
 
     Returns
     -------
     Figure
-        8 inches wide; as high as there are groups.
+        As high as there are groups.
     """
     shown = [group for group in (*result.groups, *([result.teacher] if result.teacher else [])) if group.value]
-    figure = Figure(figsize=(WIDTH_IN, max(MIN_IN, ROW_IN * len(shown) + 1.0)), layout="constrained")
+    figure = Figure(figsize=(width_in, max(MIN_IN, ROW_IN * len(shown) + 1.0)), layout="constrained")
     axes = figure.add_subplot()
     if not shown:
         axes.text(0.5, 0.5, "no group has a value", ha="center", va="center", transform=axes.transAxes)
@@ -54,14 +56,13 @@ def class_figure(result: ClassResult) -> Figure:
         label.set_parse_math(False)  # a group may be called $x$
     axes.set(xlim=(low, high), ylim=(len(shown) - 0.4, -0.6))
     axes.set_xlabel(f"{shown_name(result.value)} ({unit})" if unit not in ("", "1") else shown_name(result.value))
+    axes.locator_params(axis="x", nbins=8 if width_in > PHONE_IN else 4)
     axes.grid(axis="x", linewidth=0.4, alpha=0.5)
     axes.spines[["top", "right", "left"]].set_visible(False)
     axes.spines["bottom"].set_color(AXIS)
     axes.tick_params(color=AXIS)
     axes.tick_params(axis="y", length=0, pad=9)
-    axes.legend(
-        loc="upper left", bbox_to_anchor=(0, -0.12 * 6 / figure.get_figheight()), ncols=5, frameon=False, fontsize=8
-    )
+    figure.legend(loc="outside lower left", ncols=4 if width_in > PHONE_IN else 2, frameon=False, fontsize=8)
     return figure
 
 

@@ -34,7 +34,7 @@ class ClassOptions:
 
     def request(self) -> GroupRequest:
         """The typed request; DataError or CalibrationError for what cannot be read."""
-        request = self.film.request(self.phenomenon)._asdict()
+        request = self.film.request(self.phenomenon).values()
         columns = None if self.columns is None else parse_columns(self.columns)
         return GroupRequest(**{**request, "columns": columns, "typed": self._typed()})
 

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from iris_sysid.cli import _completion
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from iris_sysid.types import Calibration, ClipOptions, Estimate, GeometryOptions, Phenomenon, Progress, TrackOptions
+    from iris_sysid.pipeline import RunRequest
+    from iris_sysid.types import ClipOptions, Phenomenon, Progress
 
 Video = Annotated[Path, typer.Argument(help="Video, folder of images, GIF, or .zip/.trz that holds one.")]
 TABLE = "Table with t_s and <quantity>_<unit> columns, or of another program (CSV, text, Excel, .mat, .npy)"
@@ -194,10 +193,10 @@ class FilmArguments(ModelArguments, TrackerArguments, ClipArguments, ScaleArgume
 
     def request(
         self, phenomenon: Phenomenon | None, bodies: int | None = None, progress: Progress | None = None
-    ) -> FilmRequest:
+    ) -> RunRequest:
         """Read the options; ``phenomenon`` is None where it is still to be chosen."""
         from iris_sysid.cli import _parsing
-        from iris_sysid.pipeline import accepted_settings
+        from iris_sysid.pipeline import RunRequest, accepted_settings
         from iris_sysid.registry import TRACKERS
         from iris_sysid.types import GeometryOptions
 
@@ -207,8 +206,8 @@ class FilmArguments(ModelArguments, TrackerArguments, ClipArguments, ScaleArgume
         gravity, calibration = _parsing.calibration_of(self.scale, self.scale_bar, self.calibration)
         count = bodies or (1 if phenomenon is None else phenomenon.bodies)
         tracking = _parsing.track_options(count, self.roi, self.colour, progress, curve=self.transfer)
-        return FilmRequest(
-            phenomenon=phenomenon,
+        return RunRequest(
+            phenomenon,
             calibration=calibration,
             settings=_parsing.settings(self.known, {} if phenomenon is None else accepted_settings(phenomenon)),
             free=tuple(self.free),
@@ -221,15 +220,3 @@ class FilmArguments(ModelArguments, TrackerArguments, ClipArguments, ScaleArgume
                 scale_from_gravity=gravity,
             ),
         )
-
-
-class FilmRequest(NamedTuple):
-    """The options of a clip as the library takes them."""
-
-    phenomenon: Phenomenon | None
-    calibration: Calibration | None
-    settings: Mapping[str, Estimate]
-    free: tuple[str, ...]
-    tracking: TrackOptions
-    clip: ClipOptions
-    geometry: GeometryOptions

@@ -50,7 +50,7 @@ def render(
     """
     if dataset is not None:
         of_clip = {"--phenomenon": phenomenon, "-o": output, "--effect": effect, "--set": known, "--force": force}
-        _terminal.refuse(of_clip, "belongs to a single clip, not to --dataset; leave it out")
+        _terminal.refuse(of_clip, "belongs to a single clip, not to --dataset; leave it out, or use --classes")
         video = (size or DATASET_SIZE, fps, seconds, seed)
         _render_dataset(dataset, video, classes or [], trials, _terminal.workers_of(work))
         return

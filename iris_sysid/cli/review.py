@@ -58,7 +58,7 @@ def review(
         session = open_result(folder, video or (None if source == folder else source), calibration)
     else:
         request = film.request(None if phenomenon is None else PHENOMENA.named(phenomenon), bodies)
-        session = open_clip(source, folder, ReviewRequest(**request._asdict()))
+        session = open_clip(source, folder, ReviewRequest(**request.values()))
         session.track()
 
     def ready(address: str) -> None:

@@ -39,12 +39,8 @@ def run(
         result = pipeline.run(
             video,
             request.phenomenon or chosen,
-            calibration=request.calibration,
-            settings=request.settings,
-            free=request.free,
             options=request.tracking,
-            clip=request.clip,
-            geometry=request.geometry,
+            **request.of_tracks(),
         )
     page = pipeline.save(result, output, overwrite=force)
     _terminal.show_fit(result.fit, result.trajectory, json)

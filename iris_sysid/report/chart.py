@@ -21,6 +21,7 @@ LINE = 17  # between two lines of text
 LINES = 5  # lines of the grid along the height
 DIGITS = 5  # of a number in the page
 MARGIN = 0.05  # of the height, kept free above and below the curves
+FEW = 10  # dots in view: fewer are drawn larger, so that the legend names nothing that cannot be seen
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -87,6 +88,10 @@ class Chart:
         """The names of the curves that the first view lacks."""
         return {one.name for one in self.series if not _inside(one.x, self).any()}
 
+    def has_few(self, one: Series) -> bool:
+        """Whether a curve of dots has only a few in the first view."""
+        return one.style == "dots" and int(np.isfinite(one.y[_inside(one.x, self)]).sum()) < FEW
+
     def document(self) -> dict[str, Any]:
         """The chart for the script of the page."""
         return {
@@ -95,7 +100,7 @@ class Chart:
             "overTime": self.over_time,
             "reach": self.reach,
             "series": [
-                {"name": one.name, "colour": one.colour, "style": one.style, "x": x, "y": y}
+                {"name": one.name, "colour": one.colour, "style": one.style, "few": self.has_few(one), "x": x, "y": y}
                 for one in self.series
                 for x, y in [(_numbers(one.x[shown]), _numbers(one.y[shown])) for shown in [outline(one.y)]]
             ],
@@ -153,7 +158,7 @@ def _drawn(chart: Chart) -> tuple[Markup, Markup, Markup, Markup]:
     return (
         _grid(chart, frame),
         join(_band(band, frame) for band in chart.bands),
-        join(_curve(one, frame, _inside(one.x, chart)) for one in chart.series),
+        join(_curve(one, frame, _inside(one.x, chart), few=chart.has_few(one)) for one in chart.series),
         join(_mark(mark, frame) for mark in chart.marks),
     )
 
@@ -195,7 +200,7 @@ def _inside(x: Array, chart: Chart) -> Mask:
     return np.ones(x.size, np.bool_) if chart.reach is None else (x >= chart.reach[0]) & (x <= chart.reach[1])
 
 
-def _curve(one: Series, frame: _Frame, inside: Mask) -> Markup:
+def _curve(one: Series, frame: _Frame, inside: Mask, *, few: bool) -> Markup:
     """Dots are a path of lines without length, whose round ends are seen."""
     shown = outline(np.where(inside, one.y, np.nan))
     shown = shown[inside[shown]]
@@ -209,7 +214,8 @@ def _curve(one: Series, frame: _Frame, inside: Mask) -> Markup:
         else:
             steps.append(f"{pen}{a:.1f} {b:.1f}")
             pen = "L"
-    return Markup('<path class="curve {} {}" d="{}"/>').format(one.style, one.colour, "".join(steps))
+    style = f"{one.style} few" if few else one.style
+    return Markup('<path class="curve {} {}" d="{}"/>').format(style, one.colour, "".join(steps))
 
 
 def _mark(mark: ChartMark, frame: _Frame) -> Markup:

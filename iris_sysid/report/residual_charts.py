@@ -110,7 +110,8 @@ def residual_chart(fit: FitResult, k: int, noise: float, *, name: str, which: st
         else [ChartMark(seen.t_s, factor * seen.value, largest_text(seen, quantity.unit), seen.looks)]
     )
     bands = [_noise_band(t_s, factor * noise)] if np.isfinite(noise) and t_s.size else []
-    return Chart(name, title, "time (s)", f"residual ({unit})", [curve], bands, marks, words, over_time=True)
+    label, reach = f"residual ({unit})", _reach(fit) if fit.used.any() else None
+    return Chart(name, title, "time (s)", label, [curve], bands, marks, words, over_time=True, reach=reach)
 
 
 def _noise_band(t_s: Array, noise: float) -> Band:

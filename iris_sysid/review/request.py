@@ -3,38 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from iris_sysid.calibration.pixel_scale import scale
 from iris_sysid.errors import DataError, IrisError
-from iris_sysid.pipeline import AUTO, NO_GEOMETRY, WHOLE_CLIP, request_origin
+from iris_sysid.pipeline import AUTO, RunRequest, request_origin
 from iris_sysid.registry import PHENOMENA, TRACKERS
 from iris_sysid.types import (
     Calibration,
     ClipOptions,
     Estimate,
     GeometryOptions,
-    Phenomenon,
     TrackMark,
     TrackOptions,
 )
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class ReviewRequest:
+class ReviewRequest(RunRequest):
     """The options of a run; ``phenomenon`` is None until it is chosen, and nothing is fitted before.
 
     ``ignored`` are marks on things that are not bodies, such as a hand.
     """
 
-    phenomenon: Phenomenon | None = None
-    calibration: Calibration | None = None
-    settings: Mapping[str, Estimate] = field(default_factory=dict)
-    free: tuple[str, ...] = ()
-    clip: ClipOptions = WHOLE_CLIP
-    geometry: GeometryOptions = NO_GEOMETRY
-    tracking: TrackOptions = field(default_factory=TrackOptions)
     ignored: tuple[TrackMark, ...] = ()
 
     @property
@@ -53,16 +45,8 @@ class ReviewRequest:
         ignored = {"ignored": [[mark.x_px, mark.y_px, mark.frame] for mark in self.ignored]} if self.ignored else {}
         if self.phenomenon is None:
             return {"tracker": self.tracker, "fps": self.clip.fps, **ignored}
-        recorded = request_origin(
-            self.phenomenon,
-            settings=self.settings,
-            free=self.free,
-            clip=self.clip,
-            geometry=self.geometry,
-            calibration=self.calibration,
-            options=self.track_options,
-        )
-        return {**recorded, **ignored}
+        told = replace(self, tracking=self.track_options)
+        return {**request_origin(self.phenomenon, told), **ignored}
 
 
 def request_of(options: Mapping[str, Any], calibration: Calibration | None = None) -> ReviewRequest:

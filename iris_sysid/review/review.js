@@ -593,7 +593,7 @@ function showState() {
     ...[...tracks.values()].flatMap((track) => track.doubts.map((doubt) => `Body ${track.body}: ${doubt}.`)),
   ];
   $("scene").textContent = scene.filter(Boolean).join(" ");
-  $("phenomenon").textContent = request.phenomenon ?? "Phenomenon";
+  $("phenomenon").textContent = request.phenomenon ? `Phenomenon: ${request.phenomenon}` : "Phenomenon";
   $("swap").disabled = tracks.size < 2;
   showTracking(state.tracking);
   showWhere();

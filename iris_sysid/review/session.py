@@ -242,11 +242,7 @@ class Session:
             tracks=bodies,
             phenomenon=request.phenomenon,
             source=self.clip,
-            calibration=request.calibration,
-            settings=request.settings,
-            free=request.free,
-            clip=request.clip,
-            geometry=request.geometry,
+            **request.of_tracks(),
         )
 
     @cached_property

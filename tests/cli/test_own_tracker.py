@@ -1,20 +1,20 @@
-"""The tracker of the guide runs as it is printed, and an error in such a file is told with its line."""
+"""The tracker and the detector of the guide run as printed, and an error in such a file is told with its line."""
 
 import re
 
 import numpy as np
 import pytest
 
-from iris_sysid import read_track
+from iris_sysid import detect, read_track, track
 from tests._drawn import noisy
 from tests._motions import on_arc, pendulum_angle
 from tests._project import ROOT
 from tests.conftest import discs, write_video
 
-(CODE,) = re.findall(
-    r"^```python\n(# my_trackers\.py\n.*?)^```$",
-    (ROOT / "docs" / "guide" / "plugins.md").read_text("utf-8"),
-    re.MULTILINE | re.DOTALL,
+GUIDE = (ROOT / "docs" / "guide" / "plugins.md").read_text("utf-8")
+CODE, STAGES = (
+    re.search(rf"^```python\n(# my_{name}\.py\n.*?)^```$", GUIDE, re.MULTILINE | re.DOTALL)[1]
+    for name in ("trackers", "stages")
 )
 
 
@@ -53,3 +53,13 @@ def test_error_in_a_file_of_ones_own_names_file_and_line(cli, own_file, leaving_
     assert outcome.status == 1
     assert f"unexpected AttributeError in {own_file}, line {line}: " in outcome.err
     assert len(outcome.err.splitlines()) == 1
+
+
+def test_detector_of_the_guide_is_linked_and_measured(pendulum_clip, tmp_path):
+    file = tmp_path / "my_stages.py"
+    file.write_text(STAGES)
+    detections = detect(pendulum_clip, f"{file}:coloured")
+    (body,) = track(pendulum_clip, f"{file}:tracker")
+    assert body.valid.mean() > 0.7
+    apart = np.hypot(*(body.xy_px[body.valid] - detections.xy_px[np.isin(detections.frame, body.frame[body.valid])]).T)
+    assert np.median(apart) < 2.0

@@ -9,8 +9,8 @@ from fitters.compose_effects import with_effect, with_effects
 from fitters.ode import simulate
 from iris_sysid.errors import FitError
 from iris_sysid.registry import EFFECTS, MODELS
-from iris_sysid.report.gallery import example_model
 from iris_sysid.types import Quantity
+from validation.gallery import example_model
 
 TESTED_ON = (
     "pendulum",

@@ -4,19 +4,15 @@ Skipped where there is no browser, but in CI; the test with axe-core, which is n
 ``AXE_CORE`` is not the path of its ``axe.min.js``.
 """
 
-import os
 import time
-from pathlib import Path
 
 import pytest
 
 from iris_sysid import diagnose, run, write_report
 from iris_sysid.report.diagnosis_page import write_diagnosis
-from tests._browser import browser_is_there, started_browser
+from tests._browser import browser_is_there, needs_axe, serious_faults, started_browser
 
-AXE = Path(os.environ.get("AXE_CORE", "axe.min.js"))
 LONG_S = 20.0  # until something that should happen counts as failed
-needs_axe = pytest.mark.skipif(not AXE.is_file(), reason="AXE_CORE names no axe.min.js")
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -187,6 +183,4 @@ def test_nothing_is_cut_on_a_phone(name, opened):
 def test_axe_finds_nothing_serious(name, scheme, opened):
     page = opened(name, scheme=scheme)
     unfold(page)
-    page.execute_script(AXE.read_text("utf-8"))
-    found = page.execute_async_script("axe.run(document).then(arguments[arguments.length - 1])")
-    assert [fault["id"] for fault in found["violations"] if fault["impact"] in ("serious", "critical")] == []
+    assert serious_faults(page) == []

@@ -130,7 +130,7 @@ def test_chart_as_svg_draws_every_point_inside_the_frame():
 
 def test_chart_shows_the_part_of_the_axis_that_it_was_told():
     svg = str(a_chart(reach=(2.0, 6.0)).svg())
-    assert re.search(r'class="curve dots before" d="([^"]*)"', svg)[1].count("M") == 4
+    assert re.search(r'class="curve dots few before" d="([^"]*)"', svg)[1].count("M") == 4
     assert a_chart(reach=(2.0, 6.0)).document()["reach"] == (2.0, 6.0)
 
 

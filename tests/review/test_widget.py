@@ -15,7 +15,7 @@ import iris_sysid
 from iris_sysid.errors import DataError
 from iris_sysid.io.csv_read import read_track
 from iris_sysid.review.notebook import review_widget
-from tests._browser import browser_is_there, started_browser
+from tests._browser import browser_is_there, needs_axe, serious_faults, started_browser
 from tests.review._screen import NOW, Screen
 from tests.review.conftest import OFF_PX, WRONG
 
@@ -157,6 +157,18 @@ def test_three_points_are_corrected_the_scale_is_set_and_the_run_follows(wrong_p
     assert set(WRONG) <= set(np.flatnonzero(track.edited))
     assert np.abs(track.xy_px[list(WRONG)] - right).max() < 1.0
     assert np.array_equal(widget.tracks[0].edited, track.edited)
+
+
+@needs_axe
+@pytest.mark.slow
+@pytest.mark.parametrize("light", ["true", "false"])
+def test_axe_finds_nothing_serious_in_a_widget(light, widget, driver):
+    with notebook(widget, light=light) as address:
+        driver.get(address)
+        view = View(driver)
+        view.until(lambda: view.text("fit-status").startswith("fitted"))
+        driver.execute_script("document.documentElement.lang = 'en'; document.title = 'a notebook'")
+        assert serious_faults(driver) == []
 
 
 @pytest.mark.slow

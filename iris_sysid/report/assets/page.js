@@ -128,7 +128,7 @@
   const seriesOf = one => {
     const stroke = colour(one.colour), dots = one.style === "dots";
     return {stroke, width: dots ? 0 : 1.6, dash: one.style === "dashes" ? [5, 4] : undefined, spanGaps: false,
-            paths: dots ? () => null : undefined, points: {show: dots, size: 4, width: 0, fill: stroke}};
+            paths: dots ? () => null : undefined, points: {show: dots, size: one.few ? 8 : 4, width: 0, fill: stroke}};
   };
   const read = (u, fields) => u.cursor.idxs.slice(1).forEach((at, k) => {
     const value = at == null ? null : u.data[k + 1][at];

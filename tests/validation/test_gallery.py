@@ -7,10 +7,10 @@ import pytest
 from matplotlib.mathtext import MathTextParser
 
 from iris_sysid.registry import EFFECTS, MODELS
-from iris_sysid.report import gallery
 from iris_sysid.report.typeset import typeset
 from iris_sysid.types import ComponentKind
 from tests._project import ROOT
+from validation import gallery
 
 ITEMS = [*MODELS.values(), *EFFECTS.values()]
 PAGES = gallery.models_page(MODELS.values()) + gallery.effects_page(EFFECTS.values())
