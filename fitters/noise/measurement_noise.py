@@ -66,16 +66,20 @@ def deviations_from_neighbours(values: Array) -> Array:
     return values - np.median(np.lib.stride_tricks.sliding_window_view(padded, 2 * width + 1), axis=1)
 
 
-def outliers_in_residual(residual: Array, floor: float) -> Mask:
+def outliers_in_residual(residual: Array, floor: float, spikes: Mask | None = None) -> Mask:
     """True where a residual (n, d) is isolated: far from its neighbours, not part of a slow misfit.
 
-    No sample is an outlier when more than MAX_SHARE are. ``floor`` is the smallest deviation that counts.
+    ``floor`` is the smallest deviation that counts. When more than MAX_SHARE are isolated, what is missing in the model
+    has sharp parts or the noise has tails, and only those of ``spikes`` (n,) are outliers: they stand out of the data,
+    whatever the model (:func:`outliers_in_motion`). Without them none is.
     """
     outliers = np.zeros(residual.shape[0], dtype=np.bool_)
     for column in residual.T:
         deviation = np.abs(deviations_from_neighbours(column))
         outliers |= deviation > max(FAR * robust_sd(deviation), floor)
-    return outliers if outliers.mean() <= MAX_SHARE else np.zeros_like(outliers)
+    if outliers.mean() <= MAX_SHARE:
+        return outliers
+    return np.zeros_like(outliers) if spikes is None else outliers & spikes
 
 
 def outliers_in_motion(t_s: Array, values: Array) -> Mask:
@@ -83,7 +87,7 @@ def outliers_in_motion(t_s: Array, values: Array) -> Mask:
 
     ``t_s`` (n,), s; ``values`` in any unit.
 
-    For starting values only: it finds far outliers; :func:`outliers_in_residual` finds the others. A kink of the
+    For starting values, it finds far outliers; :func:`outliers_in_residual` finds the others. A kink of the
     motion is not marked, because differences that end at it are small. No sample is an outlier when too many are.
     """
     order = 4

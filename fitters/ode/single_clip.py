@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fitters.integrator.initial_value_problem import InitialValueProblem, value_names
-from fitters.noise.measurement_noise import outliers_in_residual
+from fitters.noise.measurement_noise import outliers_in_motion, outliers_in_residual
 from fitters.noise.sandwich_covariance import quantile_975
 from fitters.ode.fit_problem import (
     PreparedFit,
@@ -343,13 +343,14 @@ def _without_outliers(task: PreparedFit, solution: Solution, refinement: _Refine
     candidates = task.selection.used[task.selection.span]
     target = task.target
     rough = not refinement.accuracy.fine
+    spikes = outliers_in_motion(task.problem.t_s[candidates], target.observed[candidates])
     for done in range(4):
         if done and rough and len(solution.gradients) * int(target.used.sum()) > ROUGH_WORK:
             break
         outliers = np.zeros_like(candidates)
         if explains(solution, target):
             residual = (target.observed - solution.predicted) / target.sigma
-            outliers[candidates] = outliers_in_residual(residual[candidates], MIN_DEVIATION)
+            outliers[candidates] = outliers_in_residual(residual[candidates], MIN_DEVIATION, spikes)
         is_finished = solution.converged if rough else solution.fine and _exact(solution, target)
         if is_finished and np.array_equal(candidates & ~outliers, target.used):
             break

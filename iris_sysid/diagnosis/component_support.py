@@ -36,12 +36,21 @@ class ComponentSupport:
         """The components of the residual, and those that can take their place."""
         return {kind for part in self.parts for kind in (part.kind, *part.similar)}
 
-    def _large_kinds(self, of_range: bool) -> set[ComponentKind]:
-        """The same of the components that are, or by their range can be, a good part of the residual without noise."""
+    def _large(self, of_range: bool) -> list[tuple[ComponentKind, ...]]:
+        """The kinds of each component that is, or by its range can be, a good part of the residual without noise.
+
+        What can take the place of a component counts only where its share itself is large.
+        """
         least = EVIDENT_SHARE * sum(part.share for part in self.parts)
-        large = [part for part in self.parts if part.share >= least]
-        possible = [part for part in self.parts if of_range and part.share_range[1] >= least]
-        return {kind for part in large for kind in (part.kind, *part.similar)} | {part.kind for part in possible}
+        return [
+            (part.kind, *part.similar) if part.share >= least else (part.kind,)
+            for part in self.parts
+            if part.share >= least or (of_range and part.share_range[1] >= least)
+        ]
+
+    def evidence(self, effect: Effect) -> frozenset[ComponentKind]:
+        """The components that are, or can be, a good part of the residual and that an effect can be the cause of."""
+        return frozenset(kinds[0] for kinds in self._large(of_range=True) if effect.component in kinds)
 
     @property
     def never_turns(self) -> bool:
@@ -63,5 +72,5 @@ class ComponentSupport:
             return False
         if self._components is None:
             return True
-        kinds = self._large_kinds(of_range) if effect.absorbs else self.kinds
+        kinds = {kind for each in self._large(of_range) for kind in each} if effect.absorbs else self.kinds
         return bool(kinds) and (effect.component in kinds or not self._components.turns)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -39,6 +39,17 @@ class Contributions:
         self._blocks = every_block(cache.base.fits)
         self._errors: dict[frozenset[str], BlockErrors] = {}
         self._estimated: dict[frozenset[str], BlockErrors] = {}
+        self._certain: frozenset[str] = frozenset()
+
+    def trust(self, names: Iterable[str]) -> None:
+        """From here on these effects, although they can imitate anything, are named: each other one acts beside them.
+
+        Parameters
+        ----------
+        names
+            Of the effects.
+        """
+        self._certain = frozenset(names)
 
     @property
     def base(self) -> ModelWithEffects:
@@ -130,8 +141,11 @@ class Contributions:
         return (rest.squares - model.squares) / explained if rest.usable else 1.0
 
     def contexts(self, model: ModelWithEffects, effect: Effect) -> list[ModelWithEffects]:
-        """The models in which an effect counts: as it is, and of a formula without what can imitate it."""
-        formulas = [other for other in model.effects if not other.absorbs]
+        """The models in which an effect counts: as it is, and of a formula without what can imitate it.
+
+        What is named for itself stays: without it a formula would be credited with imitating it.
+        """
+        formulas = [other for other in model.effects if not other.absorbs or other.name in self._certain]
         if effect.absorbs or len(formulas) == len(model.effects):
             return [model]
         alone = self._cache.with_effects(formulas, starts_of(model, formulas))

@@ -22,6 +22,7 @@ from fitters.ode.weak_fit import is_observed, weak_fit
 from iris_sysid.diagnosis.contributions import starts_of
 from iris_sysid.diagnosis.evidence import best_first
 from iris_sysid.diagnosis.fit_cache import FitCache
+from iris_sysid.diagnosis.held_out_blocks import ALIKE
 from iris_sysid.diagnosis.kept_component import kept_effects
 from iris_sysid.diagnosis.library import EffectLibrary
 from iris_sysid.diagnosis.notes import diagnostic_notes, negative_damping_note, weak_notes
@@ -152,6 +153,8 @@ def diagnose(
                 answer = _of_complete(cache, OpenWorld(cache, components), world, search.reached)
         if answer is not None and _residual_ratio(answer.final, base) > COMPLETE:
             answer = None if answer.world.shares.predicts_better(judgement.model, answer.final) else answer
+        if answer is not None and _is_worse(answer, world, judgement.model):
+            answer = None
     except STOPPED as why:
         answer, stopped = None, [budget.note(why)]
     budget.end()
@@ -191,6 +194,18 @@ def _complete_start(cache: FitCache, world: OpenWorld, judged: ModelWithEffects)
     if near:
         return best_first(near)[0]
     return judged if _is_complete(cache.clips, judged, cache.base) else None
+
+
+def _is_worse(answer: _Answer, world: OpenWorld, judged: ModelWithEffects) -> bool:
+    """Whether what imitates anything, fitted without a name, spoils the prediction of blocks left out.
+
+    The judged model does without it there, or has no more effects.
+    """
+    fewer = len(judged.effects) <= len(answer.final.effects) and world.shares.testable
+    if not fewer or not any(effect.absorbs for effect in answer.nuisances):
+        return False
+    (_, own), (_, others) = answer.heldout[1], world.shares.heldout(judged)
+    return own**2 > ALIKE * others**2
 
 
 def _is_complete(clips: Sequence[FitRequest], model: ModelWithEffects, base: ModelWithEffects) -> bool:

@@ -128,11 +128,10 @@ class EffectSearch:
         return None
 
     def _simplest(self, models: Sequence[ModelWithEffects]) -> ModelWithEffects:
-        """Of those near the best, one with the fewest effects; of those about as good, the most plausible."""
+        """With as few effects as one of those near the best; of those as few and about as good, the most plausible."""
         best = min(models, key=lambda model: self._shares.estimate(model).mean)
-        near = [model for model in models if self._is_near(model, best)]
-        fewest = min(len(model.effects) for model in near)
-        simple = [model for model in near if len(model.effects) == fewest]
+        fewest = min(len(model.effects) for model in models if self._is_near(model, best))
+        simple = [model for model in models if len(model.effects) == fewest]
         least = min(self._shares.estimate(model).mean for model in simple)
         alike = [model for model in simple if self._shares.estimate(model).mean <= ALIKE * least]
         return max(alike, key=lambda model: (self._plausibility(model), -self._shares.estimate(model).mean))
@@ -143,10 +142,10 @@ class EffectSearch:
         return math.prod(each.plausibility * (1.0 if agrees(each) else DISAGREES) for each in model.effects)
 
     def _is_near(self, model: ModelWithEffects, best: ModelWithEffects) -> bool:
-        """Whether the best predicts no better than by a standard error, or removes little more of the residual."""
-        gain, stderr = self._shares.estimate(best).gain_over(self._shares.estimate(model))
-        least = MIN_SHARE * self._cache.base.squares
-        return model is best or gain < stderr or model.squares - best.squares < least
+        """Whether the best predicts no better than by a standard error, or by little."""
+        errors, least = self._shares.estimate(model), self._shares.estimate(best)
+        gain, stderr = least.gain_over(errors)
+        return model is best or gain < stderr or errors.mean <= ALIKE * least.mean
 
     def _in_one(self, current: ModelWithEffects) -> ModelWithEffects:
         """One effect in the place of several, where these do not surely predict better.

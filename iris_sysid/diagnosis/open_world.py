@@ -8,7 +8,7 @@ imitate a piece of anything (a force of any frequency, a blow at any moment) is 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from iris_sysid.diagnosis.component_support import EVIDENT_SHARE, ComponentSupport
@@ -77,8 +77,10 @@ class OpenWorld:
         if driven is not None:
             return driven
         current = self._search.run()
+        named = self._named_absorbing(current)
+        self.shares.trust(named)
         rivals = {effect.name: self.rivals.odds(current, effect) for effect in current.effects}
-        findings = [self._finding(current, effect, tuple(rivals[effect.name])) for effect in current.effects]
+        findings = [self._finding(current, effect, tuple(rivals[effect.name]), named) for effect in current.effects]
         return Judgement(current, self.surviving(current, findings), rivals)
 
     def _in_weak_form(self) -> Judgement | None:
@@ -120,9 +122,12 @@ class OpenWorld:
             Whether the size of the noise is known; else what imitates anything must be what the components say.
         """
         findings = []
+        absorbing = [each for each in model.effects if each.absorbs]
+        evident = self._with_own_evidence(model, [each for each in absorbing if self._is_evident(model, each, sure)])
+        self.shares.trust(evident)
         for effect in model.effects:
             names, share = (effect.name, *rivals.get(effect.name, ())), self.shares.removed(model, effect)
-            if effect.absorbs and not self._is_evident(model, effect, sure):
+            if effect.absorbs and effect.name not in evident:
                 findings.append(_absorbing(effect, share))
             elif self.shares.is_small(model, effect):
                 findings.append(Finding("located", effect.component, names, share, "a small part of the residual"))
@@ -196,9 +201,34 @@ class OpenWorld:
     def _is_certain(self, model: ModelWithEffects, effect: Effect) -> bool:
         return not self._support.never_turns and (not effect.absorbs or self._is_evident(model, effect, sure=True))
 
-    def _finding(self, model: ModelWithEffects, effect: Effect, names: tuple[str, ...]) -> Finding:
+    def _named_absorbing(self, model: ModelWithEffects) -> set[str]:
+        """The effects of a model that are named although they can imitate anything."""
+        removed = {each.name: self.shares.removed(model, each) for each in model.effects if each.absorbs}
+        absorbing = [each for each in model.effects if each.absorbs]
+        named = [each for each in absorbing if self._is_named_absorbing(model, each, removed[each.name])]
+        return self._with_own_evidence(model, named)
+
+    def _with_own_evidence(self, model: ModelWithEffects, effects: Sequence[Effect]) -> set[str]:
+        """Of effects that can imitate anything those with a component of their own: one component is evidence of one.
+
+        First comes an effect of the kind of a component, then one that can take its place and alone explains more.
+        """
+        evidence = {each.name: self._support.evidence(each) for each in effects}
+        order = sorted(effects, key=lambda each: -self.shares.alone(model, each))
+        order.sort(key=lambda each: each.component not in evidence[each.name])
+        claimed: set[str] = set()
+        named: set[str] = set()
+        for effect in order:
+            if not self._support.turns or not named or evidence[effect.name] - claimed:
+                named.add(effect.name)
+            claimed |= evidence[effect.name]
+        return named
+
+    def _finding(
+        self, model: ModelWithEffects, effect: Effect, names: tuple[str, ...], named: Collection[str]
+    ) -> Finding:
         share = self.shares.removed(model, effect)
-        if effect.absorbs and not self._is_named_absorbing(model, effect, share):
+        if effect.absorbs and effect.name not in named:
             return _absorbing(effect, share)
         is_rest = len(model.effects) > 1 and self.shares.share_of(model, effect) < MIN_SHARE
         if self._support.never_turns and effect is self._main(model):

@@ -21,7 +21,7 @@ LINE = 17  # between two lines of text
 LINES = 5  # lines of the grid along the height
 DIGITS = 5  # of a number in the page
 MARGIN = 0.05  # of the height, kept free above and below the curves
-FEW = 10  # dots in view: fewer are drawn larger, so that the legend names nothing that cannot be seen
+MIN_DOTS = 10  # dots in view: fewer are drawn larger, so that the legend names nothing that cannot be seen
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -90,7 +90,7 @@ class Chart:
 
     def has_few(self, one: Series) -> bool:
         """Whether a curve of dots has only a few in the first view."""
-        return one.style == "dots" and int(np.isfinite(one.y[_inside(one.x, self)]).sum()) < FEW
+        return one.style == "dots" and int(np.isfinite(one.y[_inside(one.x, self)]).sum()) < MIN_DOTS
 
     def document(self) -> dict[str, Any]:
         """The chart for the script of the page."""

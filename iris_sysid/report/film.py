@@ -17,9 +17,10 @@ from iris_sysid.errors import IrisError
 from iris_sysid.io.clip_place import places_of
 from iris_sysid.io.csv_read import read_track
 from iris_sysid.io.files import sha256_of
-from iris_sysid.report.figures import PHASES, multiple_exposure, outline, sampled_views
+from iris_sysid.report.figures import outline
 from iris_sysid.types import Array, FitResult, FrameSource, Track, Trajectory
 from iris_sysid.video.frame_access import jpeg_of
+from iris_sysid.video.multiple_exposure import PHASES, multiple_exposure, sampled_views
 from iris_sysid.video.reader import open_video
 
 MAX_SIDE_PX = 640  # side of a frame in the page

@@ -1,10 +1,15 @@
 """Names where no effect of the library explains the data to the noise: motions with an effect that it does not have."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
+from iris_sysid.diagnosis.component_support import ComponentSupport
 from iris_sysid.diagnosis.diagnose import COMPLETE, diagnose
-from iris_sysid.diagnosis.open_world import _weak_finding, with_components
+from iris_sysid.diagnosis.effect_search import EffectSearch
+from iris_sysid.diagnosis.held_out_blocks import BlockErrors
+from iris_sysid.diagnosis.open_world import OpenWorld, _weak_finding, with_components
 from iris_sysid.registry import EFFECTS
 from iris_sysid.types import Array, Component, Components, Finding
 from tests.diagnosis.test_hold_out import NOISE, SWING, T_S, VALUES, table
@@ -115,3 +120,34 @@ def test_beside_a_named_effect_only_what_is_left_is_told():
 def test_effect_in_weak_form_is_named_where_the_effects_explain_most_of_the_force(explained, word):
     effect = EFFECTS["input-saturation"]
     assert _weak_finding(effect, 0.5, {effect.name: 1.0}, explained).word == word
+
+
+def _predicting(error: float, *names: str) -> SimpleNamespace:
+    """A model with effects of these names that predicts each of eight blocks with this squared error."""
+    squares = error * (1.0 + 0.01 * np.arange(8))
+    return SimpleNamespace(effects=[EFFECTS[name] for name in names], errors=BlockErrors(squares, np.ones(8), 1.0))
+
+
+@pytest.mark.parametrize(
+    ("single", "chosen"), [(100.0, ["linear-drag", "quadratic-drag"]), (1.1, ["quadratic-drag"])]
+)  # both are nothing beside what there is without any effect
+def test_two_effects_that_together_predict_far_better_come_before_one(single, chosen):
+    shares = SimpleNamespace(estimate=lambda model: model.errors)
+    search = EffectSearch(SimpleNamespace(base=_predicting(1e6)), shares, ComponentSupport(None, False))
+    found = search._simplest([_predicting(single, "quadratic-drag"), _predicting(1.0, "linear-drag", "quadratic-drag")])
+    assert [effect.name for effect in found.effects] == chosen
+
+
+def test_one_component_is_evidence_of_one_effect_that_can_imitate_anything():
+    line = Component("periodic-force", 0.87, (0.8, 0.95), 0.02, 1.0, similar=("zero-wander",))
+    model = _predicting(1.0, "zero-wander", "periodic-forcing")
+
+    def named(*parts):
+        world = OpenWorld.__new__(OpenWorld)
+        world._support = ComponentSupport(_parts(0.02, *parts), False)
+        world.shares = SimpleNamespace(alone=lambda model, effect: 0.9 + 0.05 * (effect.name == "zero-wander"))
+        return world._with_own_evidence(model, model.effects)
+
+    assert named(line) == {"periodic-forcing"}
+    own = Component("zero-wander", 0.5, (0.4, 0.6), 0.02, 1.0)
+    assert named(Component("periodic-force", 0.4, (0.3, 0.5), 0.02, 1.0), own) == {"periodic-forcing", "zero-wander"}

@@ -213,6 +213,15 @@ def test_outliers_in_residual_marks_what_stands_alone_but_no_slow_misfit():
     assert np.flatnonzero(outliers_in_residual(residual, 3.0)).tolist() == [250]
 
 
+def test_where_noise_has_tails_only_what_stands_out_of_the_data_is_an_outlier():
+    residual = np.random.default_rng(0).standard_cauchy((500, 1))
+    spikes = np.zeros(500, dtype=bool)
+    spikes[[100, 250]] = True
+    residual[[100, 250]] = [[0.5], [60.0]]
+    assert not outliers_in_residual(residual, 3.0).any()
+    assert np.flatnonzero(outliers_in_residual(residual, 3.0, spikes)).tolist() == [250]
+
+
 # --------------------------------------------------------------------------- systematic errors
 
 

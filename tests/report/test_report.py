@@ -38,6 +38,7 @@ from iris_sysid.report.page import (
 )
 from iris_sysid.report.text import table_names
 from iris_sysid.types import Completeness, Diagnosis, Doubt, Estimate, Quantity, Segment, Track, Trajectory, Verdict
+from iris_sysid.video.multiple_exposure import PHASES, multiple_exposure
 from tests._drawn import DrawnClip, moving_disc
 from tests.conftest import listing
 
@@ -303,9 +304,9 @@ def test_track_is_drawn_over_the_clip(hostile_run):
 
 def test_multiple_exposure_shows_the_body_at_several_times():
     places = np.column_stack([np.linspace(10, 117, 30), np.full(30, 48.0)])
-    picture = figures.multiple_exposure([frame.bgr() for frame in moving_disc(places, 5.0, noise=0.0).sample(9)])
+    picture = multiple_exposure([frame.bgr() for frame in moving_disc(places, 5.0, noise=0.0).sample(9)])
     bright = picture[48, :, 0] > 130
-    assert 3 <= np.count_nonzero(np.diff(bright.astype(int)) == 1) <= figures.PHASES
+    assert 3 <= np.count_nonzero(np.diff(bright.astype(int)) == 1) <= PHASES
 
 
 def test_fit_is_drawn_with_a_residual_under_each_quantity():
