@@ -190,7 +190,7 @@ class WeakRanking:
     def _nearest(
         self, current: WeakSet, effect: Effect, shapes: Sequence[tuple[float, ...]]
     ) -> list[tuple[float, ...]]:
-        """The shape that explains most to first order; a memory takes long to follow in a fit of each."""
+        """The shape that explains most to first order, if enough: a memory takes long to follow in a fit of each."""
         sizes = np.array([[0.0, *shape] for shape in shapes])
         values = current.fits[0].values
         model = composed_model(self._clips[0], values, self._model, current.effects)
@@ -199,7 +199,9 @@ class WeakRanking:
             return forces_along(effect, sizes, model, t_s, states, slopes)
 
         gains = weak_gains(weak_request(self._clips[0], model, values), values, forces)
-        return [shapes[int(np.argmax(gains))]] if gains is not None else []
+        if gains is None or not np.max(gains) >= MIN_SHARE:
+            return []
+        return [shapes[int(np.argmax(gains))]]
 
     def _of(self, effects: Sequence[Effect], starts: Sequence[Mapping[str, float]]) -> WeakSet | None:
         fits: list[WeakFit] = []

@@ -142,7 +142,7 @@ def test_diagnosis_names_it_alone(case):
 
 
 @pytest.mark.parametrize(("slopes", "named"), [(plain, set()), (dry, {"coulomb-friction"})], ids=["plain", "dry"])
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_diagnosis_names_none_where_there_is_none(slopes, named, seed):
     assert {effect.name for effect in diagnose(record(slopes, 2, seed), "driven-oscillator").added} == named
 
