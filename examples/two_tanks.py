@@ -17,6 +17,7 @@ import numpy as np
 import pandas as pd
 
 from iris_sysid import (
+    MODELS,
     Array,
     FitResult,
     OdeModel,
@@ -48,14 +49,11 @@ UPPER, LOWER, READING, PUMP = (Quantity(name, "V") for name in ("upper", "lower"
 # --------------------------------------------------------------------------- the textbook model
 
 
-def torricelli(
-    t: float, state: tuple[float, float], params: tuple[float, float, float], inputs: tuple[float]
-) -> tuple[float, float]:
-    """Each tank drains by Torricelli's law, the upper tank into the lower tank."""
-    upper, lower = state
-    upper_outflow, lower_outflow, pump = params
-    falling = upper_outflow * np.sqrt(max(upper, 0.0))
-    return pump * inputs[0] - falling, falling - lower_outflow * np.sqrt(max(lower, 0.0))
+OUTFLOWS = (
+    Parameter("upper_outflow", "V^0.5/s", "k_1", lower=0.0, default=0.05),
+    Parameter("lower_outflow", "V^0.5/s", "k_2", lower=0.0, default=0.05),
+    Parameter("pump", "1/s", "k_u", lower=0.0, default=0.05),
+)
 
 
 def lower_level(t_s: Array, states: Array, params: Array) -> Array:
@@ -69,24 +67,16 @@ def guess(trajectory: Trajectory) -> Mapping[str, float]:
     return {"upper_0": first, "lower_0": first}
 
 
-OUTFLOWS = (
-    Parameter("upper_outflow", "V^0.5/s", "k_1", lower=0.0, default=0.05),
-    Parameter("lower_outflow", "V^0.5/s", "k_2", lower=0.0, default=0.05),
-    Parameter("pump", "1/s", "k_u", lower=0.0, default=0.05),
-)
-
-two_tanks = OdeModel(
-    name="two-tanks",
-    summary="a pump, and two equal tanks that drain one into the other",
-    equation=r"\dot h_1 = k_u u - k_1\sqrt{h_1},\quad \dot h_2 = k_1\sqrt{h_1} - k_2\sqrt{h_2}",
-    source="Torricelli (1644), De motu gravium",
+# the registered model, but with levels in the volts of the sensor
+two_tanks = replace(
+    MODELS["two-tanks"],
     states=(UPPER, LOWER),
     parameters=OUTFLOWS,
     observed=(READING,),
-    rhs=torricelli,
     guess=guess,
     inputs=(PUMP,),
     observe=lower_level,
+    example=None,
 )
 
 # --------------------------------------------------------------------------- with the overflow described by its authors

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numba import types
@@ -19,11 +19,14 @@ from iris_sysid.io.kernels import kernel
 from iris_sysid.registry import EFFECTS, MODELS
 from iris_sysid.types import Array, Effect, Event, OdeModel, Parameter, Quantity, Trajectory, View, picklable
 
+Item = TypeVar("Item", Parameter, Quantity)
+
 # One line a derivative, so that the composed function holds numbers and tuples only, as numba needs.
 _SOURCE = """
 def rhs(t, state, params{inputs}):
-    slopes = base(t, state, {model_params}{inputs})
+    slopes = base(t, {own}, {model_params}{inputs})
     sizes = {effect_params}
+    {remembered}
     return {slopes}
 """
 
@@ -32,6 +35,7 @@ _STEP = """
 def step(t, states, params, inputs, out):
     for c in range(states.shape[1]):
         state, sizes, slopes = {state}, {sizes}, {slopes}
+        {remembered}
         changed = {changed}
         {assigned}
 """
@@ -85,6 +89,7 @@ def with_effect(model: OdeModel, effect: Effect, view: View | None = None) -> Od
         raise FitError(f"the effect {effect.name!r} makes no sense for the model {model.name!r}")
     effect = through(effect, model, view)
     added = tuple(_in_units_of(model, parameter) for parameter in effect.parameters)
+    hidden = tuple(_in_units_of(model, state) for state in effect.hidden)
     taken = {parameter.name for parameter in model.parameters} & {parameter.name for parameter in added}
     if taken:
         raise FitError(f"the model {model.name!r} already has {', '.join(sorted(taken))}; add {effect.name!r} once")
@@ -93,6 +98,8 @@ def with_effect(model: OdeModel, effect: Effect, view: View | None = None) -> Od
         name=f"{model.name} + {effect.name}",
         summary=f"{model.summary}, with {effect.summary}",
         equation=rf"{model.equation}\quad\mathrm{{with}}\quad {effect.equation}",
+        states=(*model.states, *hidden),
+        hidden=model.hidden + len(hidden),
         parameters=(*model.parameters, *added),
         rhs=_rhs(model, effect) if effect.acceleration is not None else _unchanged_rhs(model, effect),
         guess=_guess(model, effect),
@@ -121,8 +128,8 @@ def _own(function: Callable[..., Any], n_params: int, n_inputs: int) -> Callable
     return generated(source, {"base": register_jitable(function)})
 
 
-def _in_units_of(model: OdeModel, parameter: Parameter) -> Parameter:
-    return replace(parameter, unit=parameter.unit.replace("{x}", model.observed[0].unit))
+def _in_units_of(model: OdeModel, item: Item) -> Item:
+    return replace(item, unit=item.unit.replace("{x}", model.observed[0].unit))
 
 
 @picklable
@@ -135,7 +142,7 @@ def bodies_of(model: OdeModel) -> list[list[int]]:
     """Which positions (or, in a model of first order, states) belong to one body: x and z do, angles stand alone."""
     count = model.degrees_of_freedom
     groups: dict[str, list[int]] = {}
-    for k, state in enumerate(model.states[:count]):
+    for k, state in enumerate(model.own_states[:count]):
         letters = state.name.rstrip("0123456789")
         key = f"plane{state.name[len(letters) :]}" if letters in ("x", "z") else state.name
         groups.setdefault(key, []).append(k)
@@ -151,8 +158,17 @@ def _rhs(model: OdeModel, effect: Effect) -> Callable[..., tuple[float, ...]]:
         speed = f"root({' + '.join(f'{velocity[k]} * {velocity[k]}' for k in body)})"
         for k in body:
             base = f"slopes[{shift + k}]"
-            lines.append(f"{base} + term(t, state[{k}], {velocity[k]}, {speed}, {base}, sizes)")
-    return _compiled(model.rhs, effect.acceleration, _shape(model, effect), tuple(lines))
+            more = ", hidden" if effect.hidden else ""
+            lines.append(f"{base} + term(t, state[{k}], {velocity[k]}, {speed}, {base}, sizes{more})")
+    lines += [f"slopes[{k}]" for k in range(len(model.own_states), len(model.states))]
+    if effect.memory is None:
+        return _compiled(model.rhs, effect.acceleration, _shape(model, effect), tuple(lines))
+    if count != 1:
+        raise FitError(f"the effect {effect.name!r} has a memory: it acts on one degree of freedom, not {count}")
+    here = f"t, state[0], {velocity[0]}, slopes[{shift}], sizes"
+    lines += [f"rates[{k}]" for k in range(len(effect.hidden))]
+    remembered = f"hidden = {row('state', len(effect.hidden), first=len(model.states))}; rates = memory({here}, hidden)"
+    return _compiled(model.rhs, effect.acceleration, _shape(model, effect), tuple(lines), effect.memory, remembered)
 
 
 def _unchanged_rhs(model: OdeModel, effect: Effect) -> Callable[..., tuple[float, ...]]:
@@ -160,21 +176,28 @@ def _unchanged_rhs(model: OdeModel, effect: Effect) -> Callable[..., tuple[float
     return _compiled(model.rhs, None, _shape(model, effect), lines)
 
 
-def _shape(model: OdeModel, effect: Effect) -> tuple[int, int, int]:
-    return len(model.parameters), len(effect.parameters), len(model.inputs)
+def _shape(model: OdeModel, effect: Effect) -> tuple[int, int, int, int]:
+    return len(model.parameters), len(effect.parameters), len(model.inputs), len(effect.hidden)
 
 
 @picklable
 @functools.lru_cache(maxsize=512)
 def _compiled(
-    base: Callable[..., Any], term: Callable[..., float] | None, shape: tuple[int, int, int], lines: tuple[str, ...]
+    base: Callable[..., Any],
+    term: Callable[..., float] | None,
+    shape: tuple[int, int, int, int],
+    lines: tuple[str, ...],
+    memory: Callable[..., tuple[float, ...]] | None = None,
+    remembered: str = "",
 ) -> Callable[..., tuple[float, ...]]:
     """Make the function from numbers of states and parameters alone; nothing in it comes from a file.
 
     The same model with the same effect is the same function, so that it is compiled once.
     """
-    count, added, inputs = shape
+    count, added, inputs, hidden = shape
     source = _SOURCE.format(
+        own=row("state", len(lines) - hidden) if hidden else "state",
+        remembered=remembered,
         inputs=", inputs" if inputs else "",
         model_params=row("params", count),
         effect_params=row("params", added, first=count),
@@ -184,21 +207,32 @@ def _compiled(
     if term is None:
         return followed_by(generated(source, values), base, (count, inputs), None)
     values["term"] = register_jitable(term)
-    return followed_by(generated(source, values), base, (count, inputs), _step(term, added, lines))
+    if memory is not None:
+        values["memory"] = register_jitable(memory)
+    step = _step(term, added, lines, memory, remembered)
+    return followed_by(generated(source, values), base, (count, inputs), step, hidden)
 
 
 @functools.lru_cache(maxsize=512)
-def _step(term: Callable[..., float], added: int, lines: tuple[str, ...]) -> Callable[..., None]:
+def _step(
+    term: Callable[..., float],
+    added: int,
+    lines: tuple[str, ...],
+    memory: Callable[..., tuple[float, ...]] | None,
+    remembered: str,
+) -> Callable[..., None]:
     """What the term changes in the slopes of all columns."""
+    uses = {} if memory is None else {"memory": register_jitable(memory)}
     states = len(lines)
     source = _STEP.format(
         state=row("states", states, ", c"),
         sizes=row("params", added, ", c"),
         slopes=row("out", states, ", c"),
+        remembered=remembered,
         changed=f"({', '.join(lines)},)",
         assigned="; ".join(f"out[{k}, c] = changed[{k}]" for k in range(states)),
     )
-    return generated(source, {"term": register_jitable(term), "root": np.sqrt})
+    return generated(source, {"term": register_jitable(term), "root": np.sqrt, **uses})
 
 
 @picklable
@@ -287,20 +321,19 @@ def _own_drive(model: OdeModel) -> Callable[[Array, Array, Array], Array] | None
 @picklable
 @functools.lru_cache(maxsize=64)
 def _forced_rhs(
-    rhs: Callable[..., Any], n_states: int, n_forced: int, n_params: int, n_inputs: int
+    rhs: Callable[..., Any], n_states: int, first: int, n_forced: int, n_params: int, n_inputs: int
 ) -> Callable[..., Any]:
-    free = n_states - n_forced
-    lines = [f"slopes[{k}]" for k in range(free)]
-    lines += [f"slopes[{free + k}] + inputs[{n_inputs + k}]" for k in range(n_forced)]
+    lines = [f"slopes[{k}]" for k in range(n_states)]
+    for k in range(n_forced):
+        lines[first + k] += f" + inputs[{n_inputs + k}]"
     own = f", {row('inputs', n_inputs)}" if n_inputs else ""
     whole = generated(_FORCED.format(inputs=own, slopes=f"({', '.join(lines)},)"), {"base": register_jitable(rhs)})
-    return followed_by(whole, rhs, (n_params, n_inputs), _push(n_states, n_forced, n_inputs))
+    return followed_by(whole, rhs, (n_params, n_inputs), _push(first, n_forced, n_inputs))
 
 
 @functools.lru_cache(maxsize=64)
-def _push(n_states: int, n_forced: int, n_inputs: int) -> Callable[..., None]:
-    free = n_states - n_forced
-    pushed = "; ".join(f"out[{free + k}, c] = out[{free + k}, c] + inputs[{n_inputs + k}]" for k in range(n_forced))
+def _push(first: int, n_forced: int, n_inputs: int) -> Callable[..., None]:
+    pushed = "; ".join(f"out[{first + k}, c] = out[{first + k}, c] + inputs[{n_inputs + k}]" for k in range(n_forced))
     return generated(_PUSHED.format(pushed=pushed), {})
 
 
@@ -308,7 +341,8 @@ def forced(model: OdeModel) -> OdeModel:
     """The model with a force on each of its highest derivatives as further inputs."""
     count = model.degrees_of_freedom
     pushes = tuple(Quantity(f"force{k}", "1") for k in range(count))
-    rhs = _forced_rhs(model.rhs, len(model.states), count, len(model.parameters), len(model.inputs))
+    first = model.forced_states.start
+    rhs = _forced_rhs(model.rhs, len(model.states), first, count, len(model.parameters), len(model.inputs))
     inputs = (*model.inputs, *pushes)
     own = _own_drive(model)
     return replace(model, name=f"{model.name}, forced", rhs=rhs, inputs=inputs, drive=own, events=within(model))

@@ -13,22 +13,25 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numba.extending import register_jitable
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from fitters.compose_effects import bodies_of, forced, plain_observation
 from fitters.image_effects import through, view_of
+from fitters.integrator.codegen import generated
 from fitters.integrator.initial_value_problem import InitialValueProblem, initial_value_problem
 from fitters.ode import simulate
 from fitters.ode.simulation import problem_at
 from iris_sysid.io.kernels import kernel
-from iris_sysid.types import Array, Effect, FitResult, Hold, OdeModel, Trajectory
+from iris_sysid.types import Array, Effect, FitResult, Hold, OdeModel, Quantity, Trajectory
 
 REFINEMENT = 4  # points in a sample interval at which the force is given; even, for Simpson's rule
 SIMPSON = np.array([1.0, *(4.0, 2.0) * (REFINEMENT // 2 - 1), 4.0, 1.0])  # weights of these points and of the end
 RESPONSE = 1e-4  # size of a trial change, relative to the range of what is changed
 TOLERANCE = 1e-9  # error of the motion from its time step, relative
 FORCES_AT_ONCE = 4_000_000  # numbers; more take memory, not less time
+SMALL = 1e-6  # size of an effect with a memory at which its force is still in proportion to it
 WORST_CONDITION = 1e5  # of the transition matrix of a block: its inverse loses five digits
 
 
@@ -93,7 +96,7 @@ class EffectMotion:
 
     def _integrated(self, force: Array) -> Array:
         """The same by integrating the model with the force, twice."""
-        slopes = np.max(np.abs(self.slopes[:, -force.shape[1] :]), initial=0.0)
+        slopes = np.max(np.abs(self.slopes[:, self.model.forced_states]), initial=0.0)
         factor = RESPONSE * max(float(slopes), 1e-12) / float(np.max(np.abs(force)))
         pushed = []
         middles = np.vstack([(force[:-1] + force[1:]) / 2, force[-1:]]) if self.hold == "zero-order" else force
@@ -186,7 +189,7 @@ def _transitions(problem: InitialValueProblem, vector: Array, states: Array) -> 
     A motion with events is one block, as it cannot begin anew in another mode; None where that cannot be inverted.
     """
     count, intervals = states.shape[1], (len(states) - 1) // REFINEMENT
-    size, forced = np.ptp(states, axis=0), problem.model.degrees_of_freedom
+    size = np.ptp(states, axis=0)
     from_points = np.empty((intervals, REFINEMENT + 1, count, count))  # d state at the end / d state at a point
     begin, tried = 0, intervals
     while begin < intervals:
@@ -208,7 +211,7 @@ def _transitions(problem: InitialValueProblem, vector: Array, states: Array) -> 
         begin += max(invertible, 1)
         tried = 2 * tried if invertible == tried else max(invertible, 1)
     weights = SIMPSON * np.diff(problem.t_s[::REFINEMENT])[:, None] / REFINEMENT / 3.0
-    return Transitions(from_points[:, 0], from_points[:, :, :, -forced:] * weights[:, :, None, None])
+    return Transitions(from_points[:, 0], from_points[:, :, :, problem.model.forced_states] * weights[:, :, None, None])
 
 
 def _block_transition(problem: InitialValueProblem, vector: Array, begin: Array, size: Array) -> Array:
@@ -328,7 +331,7 @@ def force_of_drive(effect: Effect, sizes: Array, motion: EffectMotion) -> Array:
     above, below = (
         rates(*where, effect.drive(motion.grid, motion.inputs, sizes + sign * step)) for sign in (1.0, -1.0)
     )
-    return np.asarray((above - below)[:, -motion.model.degrees_of_freedom :] / (2 * step[0]))
+    return np.asarray((above - below)[:, motion.model.forced_states] / (2 * step[0]))
 
 
 def shaped(effect: Effect, shape: Sequence[float]) -> Effect:
@@ -433,8 +436,10 @@ def forces_along(effect: Effect, sizes: Array, model: OdeModel, t_s: Array, stat
     """
     assert effect.acceleration is not None
     count = model.degrees_of_freedom
-    velocity = states[:, count:] if model.second_order else base
-    slopes = base[:, count:] if model.second_order else base
+    slopes = base[:, model.forced_states]
+    velocity = states[:, model.forced_states] if model.second_order else slopes
+    if effect.memory is not None:
+        return _forces_with_memory(effect, sizes, t_s, states[:, 0], velocity[:, 0], slopes[:, 0])
     unit = (1.0, *sizes.T[1:, :, None])
     force = np.zeros((len(sizes), t_s.size, count))
     with np.errstate(all="ignore"):
@@ -443,3 +448,35 @@ def forces_along(effect: Effect, sizes: Array, model: OdeModel, t_s: Array, stat
             for k in body:
                 force[:, :, k] = effect.acceleration(t_s, states[:, k], velocity[:, k], speed, slopes[:, k], unit)
     return force
+
+
+def _forces_with_memory(
+    effect: Effect, sizes: Array, t_s: Array, position: Array, velocity: Array, base: Array
+) -> Array:
+    """The same (k, n, 1) of an effect with hidden states: first these along the motion (n,), then the force."""
+    assert effect.acceleration is not None
+    problem = initial_value_problem(_memory_of(effect), t_s, np.column_stack([position, velocity, base]), "linear")
+    hidden = problem.states(np.vstack([sizes.T, np.zeros((len(effect.hidden), len(sizes)))])).transpose(1, 2, 0)
+    small = (SMALL, *sizes.T[1:, :, None])
+    with np.errstate(all="ignore"):
+        force = effect.acceleration(t_s, position, velocity, np.abs(velocity), base, small, tuple(hidden))
+    return np.asarray(force)[:, :, None] / SMALL
+
+
+@functools.lru_cache(maxsize=64)
+def _memory_of(effect: Effect) -> OdeModel:
+    """The hidden states of an effect as a model of their own, which position, velocity and own force drive."""
+    assert effect.memory is not None
+    return OdeModel(
+        effect.name, effect.summary, "", "", effect.hidden, effect.parameters, effect.hidden,
+        _memory_rhs(effect.memory),
+        inputs=(Quantity("position", "1"), Quantity("velocity", "1"), Quantity("base", "1")),
+    )  # fmt: skip
+
+
+@functools.lru_cache(maxsize=64)
+def _memory_rhs(memory: Callable[..., tuple[float, ...]]) -> Callable[..., tuple[float, ...]]:
+    source = (
+        "def rhs(t, state, params, inputs):\n    return memory(t, inputs[0], inputs[1], inputs[2], params, state)\n"
+    )
+    return generated(source, {"memory": register_jitable(memory)})

@@ -12,7 +12,7 @@ from __future__ import annotations
 import argparse
 import tempfile
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise, product
@@ -174,12 +174,18 @@ def left_out(rows: pd.DataFrame, ridge: float) -> Array:
     return said
 
 
-def log_loss(rows: pd.DataFrame, said: Array) -> float:
-    """Mean over real recordings of the cross entropy of shares and probabilities."""
+def log_loss(rows: pd.DataFrame, said: Array) -> pd.Series:
+    """Cross entropy of shares and probabilities, the mean over the tracks of each real recording."""
     said, rows = said[rows.index.isin(real(rows).index)], real(rows)
     p, y = np.clip(said, 1e-9, 1 - 1e-9), rows["share"].to_numpy()
     entropy = pd.Series(-(xlogy(y, p) + xlogy(1 - y, 1 - p)), index=rows.index)
-    return float(entropy.groupby(rows["recording"]).mean().mean())
+    return entropy.groupby(rows["recording"]).mean()
+
+
+def ridge_of(losses: Mapping[float, pd.Series]) -> float:
+    """The largest ridge whose loss is within one standard error of the smallest (Breiman et al. 1984, CART, 3.4.3)."""
+    best = min(losses.values(), key=pd.Series.mean)
+    return max(ridge for ridge, loss in losses.items() if loss.mean() <= best.mean() + best.sem())
 
 
 def chosen(rows: pd.DataFrame) -> pd.DataFrame:
@@ -254,9 +260,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
                     keep(measured(recording), recording.name)
     rows = pd.read_csv(TABLE)
     losses = {ridge: log_loss(rows, left_out(rows, ridge)) for ridge in RIDGES}
-    ridge = min(losses, key=lambda key: losses[key])
+    ridge = ridge_of(losses)
     with pages.table("track-verdict", options.write_docs):
-        print("Loss left out, by ridge:", ", ".join(f"{key:g}: {value:.3f}" for key, value in losses.items()), "\n")
+        print(
+            "Loss left out, by ridge:", ", ".join(f"{key:g}: {loss.mean():.3f}" for key, loss in losses.items()), "\n"
+        )
         print("\n".join(report(rows.assign(said=left_out(rows, ridge)))))
     if options.write:
         WEIGHTS.write_text(written(rows, ridge), encoding="utf-8")

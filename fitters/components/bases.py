@@ -98,8 +98,8 @@ def _span(values: Array, repeats: bool) -> tuple[Array, Array]:
 
 
 def _velocity(motion: EffectMotion) -> Array:
-    count = motion.model.degrees_of_freedom
-    return motion.states[:, count:] if motion.model.second_order else motion.slopes
+    moving = motion.states if motion.model.second_order else motion.slopes
+    return moving[:, motion.model.forced_states]
 
 
 def _turns(motion: EffectMotion) -> int:
@@ -340,7 +340,7 @@ def _force_of_time(motion: EffectMotion) -> Basis:
 def _own_drift(motion: EffectMotion) -> Basis:
     """The model's own force changes slowly with time, by a factor."""
     at = np.linspace(motion.grid[0], motion.grid[-1], 4 * GRID)
-    own = motion.slopes[:, -motion.model.degrees_of_freedom :]
+    own = motion.slopes[:, motion.model.forced_states]
     factors, curve = (_waves(_share(motion, times), DRIFT_WAVES) for times in (motion.grid, at))
     columns = _answers(motion, own[:, :, None] * factors[:, None])
     return Basis("own-force-drift", columns, at=at, quantities=(Quantity("factor", "1"),), curve=curve[:, None])
@@ -373,14 +373,14 @@ def _periodic(motion: EffectMotion) -> Basis:
 def _input(motion: EffectMotion) -> Basis:
     """A measured input has another gain, comes later, or enters by its square."""
     assert motion.inputs is not None
-    count, columns = motion.model.degrees_of_freedom, []
+    forced, columns = motion.model.forced_states, []
     for k in range(motion.inputs.shape[1]):
         given = motion.inputs[:, k]
         largest = max(float(np.max(np.abs(given))), 1e-300)
         late = np.gradient(given, motion.grid)
         late *= largest / max(float(np.max(np.abs(late))), 1e-300)
         for change in (given, late, given * np.abs(given) / largest):
-            columns.append(_changed_rates(motion, k, 1e-4 * change)[:, -count:] / 1e-4)
+            columns.append(_changed_rates(motion, k, 1e-4 * change)[:, forced] / 1e-4)
     return Basis("input", _answers(motion, np.stack(columns, axis=2)), True)
 
 

@@ -16,7 +16,7 @@ def moves(model: OdeModel) -> bool:
 
 def moves_on_a_line(model: OdeModel) -> bool:
     """Whether the model is of second order with one degree of freedom."""
-    return model.second_order and len(model.states) == 2
+    return model.second_order and model.degrees_of_freedom == 1
 
 
 def slides(model: OdeModel) -> bool:

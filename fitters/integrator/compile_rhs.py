@@ -98,7 +98,11 @@ def callable_in_kernels(rhs: Callable[..., Any]) -> Any:
 
 
 def followed_by(
-    rhs: Callable[..., Any], base: Callable[..., Any], takes: tuple[int, int], step: Callable[..., None] | None
+    rhs: Callable[..., Any],
+    base: Callable[..., Any],
+    takes: tuple[int, int],
+    step: Callable[..., None] | None,
+    hidden: int = 0,
 ) -> Callable[..., Any]:
     """Say that a right-hand side is that of a base, then a step, so that each of the two is compiled only once.
 
@@ -113,8 +117,10 @@ def followed_by(
     step
         ``(t, states (s, c), params (p, c), inputs (m,), out (s, c))``, changes the derivatives in ``out``; its
         parameters are those after the base's, its inputs all. None where nothing changes them.
+    hidden
+        How many of the last states the base does not have.
     """
-    setattr(rhs, FOLLOWED, (base, takes, step))
+    setattr(rhs, FOLLOWED, (base, takes, step, hidden))
     return rhs
 
 
@@ -151,8 +157,8 @@ def _chained(rhs: Callable[..., Any], n_states: int) -> Any:
     """
     if not hasattr(rhs, FOLLOWED):
         return None
-    base, takes, step = getattr(rhs, FOLLOWED)
-    compiled = _compile(base, n_states, *takes)
+    base, takes, step, hidden = getattr(rhs, FOLLOWED)
+    compiled = _compile(base, n_states - hidden, *takes)
     if compiled.note or compiled.integrate is not integrate:
         return None
     if step is None:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from fitters.integrator.compile_rhs import CompiledRhs, compiled_rhs, substeps_of
 from fitters.integrator.dormand_prince import ORDER, slopes_along
+from fitters.integrator.hidden_states import follow_hidden
 from fitters.integrator.step_control import graded
 from iris_sysid.errors import FitError
 from iris_sysid.types import Array, Hold, OdeModel
@@ -90,6 +91,16 @@ class InitialValueProblem:
         along = slopes_along.py_func if self.rhs.note else slopes_along  # a note: it runs in plain Python
         along(columns, self.t_s, taken, np.ascontiguousarray(params[:, None]), self.acting(params), out)
         return out[:, : states.shape[1], 0]
+
+    def with_hidden(self, own: Array, params: Array) -> Array:
+        """States (n, s) whose hidden ones follow along the own ones (n, o), from zero; ``params`` (p,)."""
+        if not self.model.hidden:
+            return own
+        states = np.hstack([own, np.zeros((len(own), self.model.hidden))])[:, :, None]
+        along = follow_hidden.py_func if self.rhs.note else follow_hidden  # a note: it runs in plain Python
+        with np.errstate(all="ignore"):
+            along(self.rhs.columns, self.t_s, states, params[:, None].copy(), self.acting(params), own.shape[1])
+        return states[:, :, 0]
 
     def observe(self, states: Array, values: Array) -> Array:
         """Observed quantities (n, d) of states (n, s)."""

@@ -1,4 +1,4 @@
-"""What driven models share: the gain of the input, guesses by the weak form, and the input of the examples."""
+"""What driven models share: the gain of the input, guesses by the weak form, and the inputs of the examples."""
 
 from __future__ import annotations
 
@@ -16,6 +16,11 @@ def gain(unit: str) -> Parameter:
     """The factor from the input's number to what acts: 1 where the input is in the unit that the model declares."""
     source = f"the input is in {unit}; state it where the input is a voltage or a command"
     return Parameter("gain", "1", "k_u", default=1.0, constant=True, source=source)
+
+
+def pump(unit: str) -> Parameter:
+    """What the level of a tank gains of one unit of the input."""
+    return Parameter("pump", unit, "k_u", lower=0.0)
 
 
 def input_of(trajectory: Trajectory, t_s: Array) -> Array:
@@ -52,3 +57,8 @@ def multisine(t_s: Array) -> Array:
     """A sum of sines of many frequencies as inputs (n, 1) at ``t_s`` (n,) s, in the unit of the model's input."""
     parts = [size * np.sin(rate * np.asarray(t_s) + phase) for size, rate, phase in SINES]
     return np.sum(parts, axis=0)[:, None]
+
+
+def slow_pump(t_s: Array) -> Array:
+    """The same sum, thirty times slower and about 2.5, as a pump's voltage (n, 1) at ``t_s`` (n,) s."""
+    return 2.5 + 0.8 * multisine(np.asarray(t_s) / 30.0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from fitters.noise.reading_step import STEP_TO_SD, reading_step
 from iris_sysid.types import Array, Mask
 
 MAD_TO_SD = 1.4826  # median absolute deviation to standard deviation of a normal
@@ -50,10 +51,12 @@ def noise_from_differences(t_s: Array, values: Array) -> float:
     The smallest of the robust standard deviations of the differences of orders 2 to 6: too low an order
     still contains the motion, too high an order needs more samples. Noise that is correlated over samples
     is underestimated. NaN with fewer than 8 samples. After von Neumann (1941, Ann. Math. Stat. 12, 367).
+    A reading in steps errs by at least its step over sqrt(12), also where neighbours read the same.
     """
     if t_s.size < 8:
         return float("nan")
-    return min(robust_sd(normalised_difference(t_s, values, order)) for order in ORDERS)
+    scatter = min(robust_sd(normalised_difference(t_s, values, order)) for order in ORDERS)
+    return max(scatter, STEP_TO_SD * reading_step(values))
 
 
 def deviations_from_neighbours(values: Array) -> Array:

@@ -125,7 +125,11 @@ def known_values(
         for parameter in model.parameters
         if parameter.constant and parameter.name not in fixed
     }
-    return {name: estimate for name, estimate in {**constant, **given}.items() if name not in free}
+    relaxed = {
+        f"{state.name}_0": Estimate(0.0, 0.0, state.unit, "assumed", "an effect's hidden state begins at zero")
+        for state in model.states[len(model.own_states) :]
+    }
+    return {name: estimate for name, estimate in {**relaxed, **constant, **given}.items() if name not in free}
 
 
 def priors_of(

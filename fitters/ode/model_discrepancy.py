@@ -313,10 +313,11 @@ class _Motion:
         if not np.all(np.isfinite(transition)) or np.max(np.linalg.cond(transition)) > WORST_CONDITION:
             return None
         degrees = problem.model.degrees_of_freedom
-        slopes = np.gradient(states, problem.t_s, axis=0)[::every, -degrees:]
+        forced = problem.model.forced_states
+        slopes = np.gradient(states, problem.t_s, axis=0)[::every, forced]
         states = np.ascontiguousarray(states[::every])
-        velocity = states[:, degrees:] if problem.model.second_order else slopes
-        inverse = np.linalg.inv(transition)[:, :, -degrees:]
+        velocity = states[:, forced] if problem.model.second_order else slopes
+        inverse = np.linalg.inv(transition)[:, :, forced]
         return cls(
             problem.every(every), values, states, states[:, :degrees], velocity, slopes, transition, np.asarray(inverse)
         )

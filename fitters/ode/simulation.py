@@ -169,7 +169,8 @@ def problem_at(
     derived = {quantity.name for quantity in model.derived}
     check_names(model, values=[name for name in values if name not in derived])
     times = increasing_times(t_s)
-    given = {p.name: p.default for p in model.parameters if p.default is not None} | dict(values)
+    relaxed = dict.fromkeys(model.initial_names[len(model.own_states) :], 0.0)
+    given = relaxed | {p.name: p.default for p in model.parameters if p.default is not None} | dict(values)
     missing = [name for name in value_names(model) if name not in given and not _is_constant(model, name)]
     if missing:
         raise FitError(f"model {model.name!r} needs a value for {', '.join(missing)}")

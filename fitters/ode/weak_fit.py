@@ -9,7 +9,7 @@ run of the model without them leaves the data at once.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -29,6 +29,8 @@ GROWTH = 1.5  # of half a window, until the noise is negligible in it
 NOISE_SHARE = 0.1  # of the left side's size, up to which noise is negligible: a hundredth of its variance
 EVALUATIONS = 50
 BLOCKS = 20  # of windows, by which errors are judged
+STEP = 1e-5  # by which a value is changed for a derivative, relative to it
+NOT_IMITATED = 1e-3  # of a force that the free values must not be able to imitate
 MAX_RESIDUAL = 1e6  # of a residual, in standard deviations of the left side
 
 
@@ -96,8 +98,33 @@ def weak_fit(request: FitRequest) -> WeakFit | None:
     return None if form is None else form.fitted(request.start)
 
 
+def weak_gains(
+    request: FitRequest, values: Mapping[str, float], forces: Callable[[Array, Array, Array], Array]
+) -> Array | None:
+    """What each of k small forces would explain of the residual in weak form, to first order, as a share (k,) of it.
+
+    Parameters
+    ----------
+    request
+        Of a model without these forces, whose trajectory is smoothed.
+    values
+        Of its parameters by name; all that are not known may change with a force.
+    forces
+        ``forces(t_s (n,), states (n, s), slopes (n, s))``, a unit of each on the highest derivatives (k, n, f).
+
+    Returns
+    -------
+    ndarray or None
+        None where the form does not apply.
+    """
+    smoothed = request.trajectory.smoothed
+    task = task_of(request)
+    form = None if smoothed is None or not is_observed(request.model) else _WeakForm.of(task, smoothed)
+    return None if form is None else form.gains(values, forces)
+
+
 def is_observed(model: OdeModel) -> bool:
-    """Whether the weak form applies to a model: every state is observed, or is the velocity of one that is."""
+    """Whether the weak form applies to a model: every own state is observed, or is the velocity of one that is."""
     names = {quantity.name for quantity in model.observed}
     positions = {state.name for state in model.states[: model.degrees_of_freedom]}
     return model.observe is None and model.warp is None and not model.events and positions <= names
@@ -105,7 +132,7 @@ def is_observed(model: OdeModel) -> bool:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _WeakForm:
-    """The smoothed ``states`` (n, s), the ``left`` side (w, q), and the ``windows`` (w, n) that average the right.
+    """The smoothed own ``states`` (n, o), the ``left`` side (w, q), and the ``windows`` (w, n) that average the right.
 
     The inputs of ``problem`` are those at the samples: of one that is held, the mean of before and after.
     """
@@ -138,11 +165,37 @@ class _WeakForm:
             half_s *= GROWTH
         return None
 
+    def _first(self) -> list[float]:
+        """The initial states (s,) in the units of the states: hidden ones are zero."""
+        return [*self.states[0].tolist(), *[0.0] * self.task.model.hidden]
+
     def residual(self, params: Array) -> Array:
         """Residual (w, q) of the parameters (p,), in units of the left side."""
         with np.errstate(all="ignore"):
-            slopes = self.problem.slopes(self.states, params)[:, -self.left.shape[1] :]
+            states = self.problem.with_hidden(self.states, params)
+            slopes = self.problem.slopes(states, params)[:, self.task.model.forced_states]
             return np.asarray(self.left - self.windows @ slopes)
+
+    def gains(self, values: Mapping[str, float], forces: Callable[[Array, Array, Array], Array]) -> Array:
+        """What each of some forces explains (k,) beside the free values; see :func:`weak_gains`."""
+        names, model = value_names(self.task.model), self.task.model
+        params = np.array([values[parameter.name] for parameter in model.parameters])
+        free = [names.index(name) for name in self.task.unknowns.names if name not in model.initial_names]
+        residual, size = self.residual(params), np.std(self.left, axis=0)
+        columns = []
+        for k in free:
+            moved = params.copy()
+            moved[k] += STEP * max(abs(params[k]), STEP)
+            columns.append((self.residual(moved) - residual) / size)
+        basis = np.linalg.qr(_unit_columns(np.reshape(columns, (len(free), residual.size)).T))[0]
+        states = self.problem.with_hidden(self.states, params)
+        given = np.nan_to_num(forces(self.problem.t_s, states, self.problem.slopes(states, params)))
+        acting = np.stack([(self.windows @ force) / size for force in given]).reshape(len(given), -1).T
+        rest = acting - basis @ (basis.T @ acting)
+        seen = np.linalg.norm(rest, axis=0) > NOT_IMITATED * np.linalg.norm(acting, axis=0)
+        left = (residual / size).ravel()
+        left = left - basis @ (basis.T @ left)
+        return np.where(seen, (left @ _unit_columns(rest)) ** 2 / max(float(left @ left), 1e-300), 0.0)
 
     def fitted(self, start: Mapping[str, float]) -> WeakFit:
         """Least squares from a start, which goes before the model's guess."""
@@ -150,7 +203,7 @@ class _WeakForm:
         vector = next(starting_values(task, start, guesses(task, start)))
         vector[len(task.model.parameters) :] = [
             task.known[name].value if name in task.known else value
-            for name, value in zip(task.model.initial_names, self.states[0].tolist(), strict=True)
+            for name, value in zip(task.model.initial_names, self._first(), strict=True)
         ]
         free = [k for k, name in enumerate(task.unknowns.names) if name not in task.model.initial_names]
         which, size = task.unknowns.which[free], np.std(self.left, axis=0)
@@ -175,6 +228,10 @@ class _WeakForm:
         residual = flat(vector[which]).reshape(self.left.shape)
         left_out = _left_out(jacobian.reshape(*self.left.shape, -1), residual)
         return WeakFit(dict(zip(names, vector.tolist(), strict=True)), errors, residual, left_out)
+
+
+def _unit_columns(columns: Array) -> Array:
+    return np.asarray(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300))
 
 
 def _left_out(jacobian: Array, residual: Array) -> Array:

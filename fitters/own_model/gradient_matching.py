@@ -59,7 +59,12 @@ def matched_starts(
     model = problem.model
     names = [quantity.name for quantity in model.observed]
     positions = model.states[: model.degrees_of_freedom]
-    if model.observe is not None or model.events or not {state.name for state in positions} <= set(names):
+    if (
+        model.hidden
+        or model.observe is not None
+        or model.events
+        or not {state.name for state in positions} <= set(names)
+    ):
         return
     columns = [names.index(state.name) for state in positions]
     for share in SHARES:

@@ -25,6 +25,7 @@ from iris_sysid.diagnosis.fit_cache import FitCache
 from iris_sysid.diagnosis.held_out_blocks import ALIKE
 from iris_sysid.diagnosis.kept_component import kept_effects
 from iris_sysid.diagnosis.library import EffectLibrary
+from iris_sysid.diagnosis.noise_notes import noise_notes
 from iris_sysid.diagnosis.notes import diagnostic_notes, negative_damping_note, weak_notes
 from iris_sysid.diagnosis.open_world import Judgement, OpenWorld, with_components
 from iris_sysid.diagnosis.prediction_error import fitted_error
@@ -456,6 +457,7 @@ def _diagnosis(
             *negative_damping_note(final.fits),
             *report.rejected(),
             *weak_notes(answer.weak),
+            *(noise_notes(cache.clips, final.fits) if fitted <= NOISE_UNSURE * noise else ()),
         ),
         components=components,
         remaining=remaining,

@@ -50,12 +50,13 @@ def _of_force(effect: Effect, sizes: Array, fitted: FitResult, model: OdeModel, 
     used = np.flatnonzero(fitted.used)
     inputs = None if trajectory.inputs is None or not trajectory.input_quantities else trajectory.inputs[used]
     states = simulate(fitted.model, fitted.t_s[used], values, inputs=inputs, hold=trajectory.hold)[0]
-    some = np.unique(np.linspace(0, used.size - 1, SAMPLES).astype(np.intp))
+    count = used.size if effect.memory is not None else SAMPLES  # a memory follows the motion from sample to sample
+    some = np.unique(np.linspace(0, used.size - 1, count).astype(np.intp))
     t_s, states = fitted.t_s[used][some], states[some]
     base = rates(model, t_s, states, values, None if inputs is None else inputs[some])
     force = sizes[0] * force_along(effect, sizes, model, t_s, states, base)
     total = rates(fitted.model, t_s, states, values, None if inputs is None else inputs[some])
-    own = max(_rms(each[:, -force.shape[1] :]) for each in (base, total))
+    own = max(_rms(each[:, fitted.model.forced_states]) for each in (base, total))
     return _rms(force) / own if own > 0 else 0.0
 
 

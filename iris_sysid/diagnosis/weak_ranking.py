@@ -13,14 +13,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fitters.effect_sensitivity import forces_along
 from fitters.ode import FitRequest
-from fitters.ode.weak_fit import WeakFit, is_observed, weak_fit
+from fitters.ode.weak_fit import WeakFit, is_observed, weak_fit, weak_gains
 from iris_sysid.diagnosis.evidence import DECISIVE
 from iris_sysid.diagnosis.held_out_blocks import ALIKE, MIN_SHARE, SURE, BlockErrors, wins
 from iris_sysid.diagnosis.library import EffectLibrary
 from iris_sysid.diagnosis.refit import ModelWithEffects, Starts, composed_model, estimate_values, weak_request
 from iris_sysid.diagnosis.screening import Candidate
-from iris_sysid.types import Effect, OdeModel
+from iris_sysid.types import Array, Effect, OdeModel
 
 MAX_SHAPES = 12  # of an effect that are tried
 OVERLAP = 2.0  # windows that count as one independent value: they are half a window apart
@@ -175,7 +176,8 @@ class WeakRanking:
         valid = np.flatnonzero(clip.valid)
         given = clip.inputs_at(clip.t_s[valid])
         tested = clip.position[valid] if effect.drive is None or given is None else given
-        shapes = [()] if effect.trials is None else list(effect.trials(clip.t_s[valid], tested))[:MAX_SHAPES]
+        shapes = [()] if effect.trials is None else list(effect.trials(clip.t_s[valid], tested))
+        shapes = self._nearest(current, effect, shapes) if effect.memory and shapes else shapes[:MAX_SHAPES]
         names = [parameter.name for parameter in effect.parameters]
         sets = []
         for shape in shapes:
@@ -184,6 +186,22 @@ class WeakRanking:
             sets.append(self._of((*current.effects, effect), [{**fit.values, **begin} for fit in current.fits]))
         fitted = [each for each in sets if each is not None and self._library.allows(self.candidate(each))]
         return min(fitted, key=lambda each: each.squares, default=None)
+
+    def _nearest(
+        self, current: WeakSet, effect: Effect, shapes: Sequence[tuple[float, ...]]
+    ) -> list[tuple[float, ...]]:
+        """The shape that explains most to first order, if enough: a memory takes long to follow in a fit of each."""
+        sizes = np.array([[0.0, *shape] for shape in shapes])
+        values = current.fits[0].values
+        model = composed_model(self._clips[0], values, self._model, current.effects)
+
+        def forces(t_s: Array, states: Array, slopes: Array) -> Array:
+            return forces_along(effect, sizes, model, t_s, states, slopes)
+
+        gains = weak_gains(weak_request(self._clips[0], model, values), values, forces)
+        if gains is None or not np.max(gains) >= MIN_SHARE:
+            return []
+        return [shapes[int(np.argmax(gains))]]
 
     def _of(self, effects: Sequence[Effect], starts: Sequence[Mapping[str, float]]) -> WeakSet | None:
         fits: list[WeakFit] = []

@@ -29,6 +29,8 @@ NoteKind = Literal[
     "rejected-size",
     "negative-damping",
     "weak",
+    "quantisation",
+    "level-noise",
     "stopped",
 ]
 
@@ -112,8 +114,9 @@ class DiagnosticNote:
     of the library applies, or the fitted parameters imitate all of them. ``refit-failed``: an effect could not be
     fitted. ``rejected-sign``: the residual fits an effect whose size would add energy, or water. ``rejected-size``: it
     fits an effect that changes the trajectory by less than its stated errors. ``negative-damping``: a damping of the
-    model is below zero. ``weak``: an effect was significant, but the interval of its size holds zero. ``stopped``: the
-    search ended before all was tried.
+    model is below zero. ``weak``: an effect was significant, but the interval of its size holds zero.
+    ``quantisation``: a sensor's step makes most of the residual. ``level-noise``: the noise depends on the level.
+    ``stopped``: the search ended before all was tried.
     """
 
     kind: NoteKind

@@ -130,6 +130,7 @@ class OdeModel(Portable):
     ``dissipative`` are zero. ``warp(t_s, params (p,))``, where given, returns the times of the motion
     that the samples at ``t_s`` show. ``drive(t_s, inputs (n, m), params (p,))``, where given, returns the
     inputs (n, m) that really act at these times. With ``events``, ``state`` ends with the mode; see :class:`Event`.
+    The last ``hidden`` states are those of effects: nothing observes them, and they begin at zero unless freed.
     ``typical``, which every registered model has, says which values one meets, in words. ``example``, which every
     registered model has, is a motion for the contract tests.
     """
@@ -152,20 +153,32 @@ class OdeModel(Portable):
     warp: Callable[[Array, Array], Array] | None = None
     drive: Callable[[Array, Array, Array], Array] | None = None
     events: tuple[Event, ...] = ()
+    hidden: int = 0
     typical: str = ""
     example: ModelExample | None = None
 
     @property
     def second_order(self) -> bool:
-        """Whether the states are positions followed by their velocities, in the same order."""
-        half, odd = divmod(len(self.states), 2)
+        """Whether the own states are positions followed by their velocities, in the same order."""
+        half, odd = divmod(len(self.own_states), 2)
         pairs = zip(self.states[:half], self.states[half : 2 * half], strict=True)
         return not odd and half > 0 and all(rate.unit == f"{position.unit}/s" for position, rate in pairs)
 
     @property
     def degrees_of_freedom(self) -> int:
         """Number of highest derivatives, on which forces act: one a position, or one a state of first order."""
-        return len(self.states) // 2 if self.second_order else len(self.states)
+        return len(self.own_states) // 2 if self.second_order else len(self.own_states)
+
+    @property
+    def own_states(self) -> tuple[Quantity, ...]:
+        """The states without the hidden ones of effects."""
+        return self.states[: len(self.states) - self.hidden]
+
+    @property
+    def forced_states(self) -> slice:
+        """Which states have the highest derivatives as their rates: velocities, or all of a model of first order."""
+        count = len(self.own_states)
+        return slice(count - self.degrees_of_freedom, count)
 
     @property
     def initial_names(self) -> tuple[str, ...]:
@@ -245,6 +258,9 @@ class Effect(Portable):
     derivative ``base`` of a model of second order, or to one rate of a model of first order (there
     ``velocity`` is that rate). It is called for each component of each body; ``speed`` is the norm of
     the body's velocity. It must accept numbers, so that numba can compile it, and arrays of them.
+    An effect with a memory has ``hidden`` states, which begin at zero. It acts on one degree of freedom:
+    ``acceleration`` takes them, a tuple, as a seventh argument, and ``memory(t, position, velocity, base, params,
+    hidden)`` returns their rates as a tuple of numbers.
     ``observe(t_s, observed (n, d), velocity (n, d), params)`` returns what the sensor reads (n, d).
     ``image(t_s (n,), points_px (n, 2), params, view)`` returns the points (n, 2) px of the picture at which a camera
     shows what a perfect one would show at ``points_px``; the :class:`View` says how coordinates lie in the picture.
@@ -280,6 +296,8 @@ class Effect(Portable):
     parameters: tuple[Parameter, ...]
     applies: Callable[[OdeModel], bool]
     acceleration: Callable[..., float] | None = None
+    hidden: tuple[Quantity, ...] = ()
+    memory: Callable[..., tuple[float, ...]] | None = None
     observe: Callable[[Array, Array, Array, Array], Array] | None = None
     image: Callable[[Array, Array, Array, View], Array] | None = None
     warp: Callable[[Array, Array], Array] | None = None

@@ -141,17 +141,21 @@ T_S = np.arange(200) / 50
 COURSE = 0.3 + 0.25 * np.sin(5.0 * T_S + 0.4) * np.exp(-0.1 * T_S)
 VELOCITY, BASE = np.gradient(COURSE, T_S), np.gradient(np.gradient(COURSE, T_S), T_S)
 FORCES = [effect for effect in EFFECTS.values() if effect.acceleration is not None]
+HIDDEN = 0.3
 
 
 def forces(effect, t_s, course, velocity, base, unit="m", factor=1.0):
-    """The force (shapes, n) of an effect of size 1 in each shape to try; lengths are in 1 / factor metres."""
+    """The force (shapes, n) of an effect of size 0.5 in each shape to try; lengths are in 1 / factor metres."""
     shapes = [()] if effect.trials is None else effect.trials(t_s, course[:, None])
     rows = []
     for shape in shapes:
         tried = shaped(effect, shape)
-        size = factor ** metres_in(effect.parameters[0].unit.replace("{x}", unit))
+        size = 0.5 * factor ** metres_in(effect.parameters[0].unit.replace("{x}", unit))
         params = (size, *(parameter.default for parameter in tried.parameters[1:]))
-        rows.append(effect.acceleration(t_s, course, velocity, np.abs(velocity), base, params) * np.ones_like(course))
+        hidden = [HIDDEN * factor ** metres_in(state.unit.replace("{x}", unit)) for state in effect.hidden]
+        more = (tuple(hidden),) if hidden else ()
+        force = effect.acceleration(t_s, course, velocity, np.abs(velocity), base, params, *more)
+        rows.append(force * np.ones_like(course))
     return np.array(rows)
 
 

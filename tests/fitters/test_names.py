@@ -83,5 +83,5 @@ def test_what_is_neither_name_nor_item_is_refused():
 
 def test_registry_shows_its_names_in_three_lines():
     shown = repr(EFFECTS)
-    assert "quadratic-drag" in shown
+    assert "linear-drag" in shown
     assert len(shown.splitlines()) <= 3
