@@ -55,7 +55,8 @@ def text_of(calibration: Calibration, *, json: bool = False) -> str:
     if json:
         return document_text(calibration_document(calibration)).rstrip("\n")
     geometry = local_geometry(calibration, calibration.centre_px)
-    shown = {name: value for name, value in geometry.items() if name != "turn_rad" or value.stderr > MIN_TURN}
+    stated = {name: value for name, value in geometry.items() if name != "turn_rad" or value.stderr > MIN_TURN}
+    shown = {name.removesuffix("_rad"): value for name, value in stated.items()}
     x, y = calibration.centre_px
     rows = [f"{name:<10} {with_error(value)}" for name, value in shown.items()] + [f"at ({x:.0f}, {y:.0f}) px"]
     statements = [f"fixed by the data: {', '.join(fixed_by_data(calibration))}"]
