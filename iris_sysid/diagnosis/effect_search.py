@@ -142,10 +142,13 @@ class EffectSearch:
         return math.prod(each.plausibility * (1.0 if agrees(each) else DISAGREES) for each in model.effects)
 
     def _is_near(self, model: ModelWithEffects, best: ModelWithEffects) -> bool:
-        """Whether the best predicts no better than by a standard error, or by little."""
+        """Whether the best predicts no better than by a standard error, or by little, or explains no more.
+
+        A prediction to first order of one that explains less is not to be trusted: its fit ended at a bound.
+        """
         errors, least = self._shares.estimate(model), self._shares.estimate(best)
         gain, stderr = least.gain_over(errors)
-        return model is best or gain < stderr or errors.mean <= ALIKE * least.mean
+        return model.squares <= best.squares or gain < stderr or errors.mean <= ALIKE * least.mean
 
     def _in_one(self, current: ModelWithEffects) -> ModelWithEffects:
         """One effect in the place of several, where these do not surely predict better.

@@ -125,7 +125,8 @@ def test_effect_in_weak_form_is_named_where_the_effects_explain_most_of_the_forc
 def _predicting(error: float, *names: str) -> SimpleNamespace:
     """A model with effects of these names that predicts each of eight blocks with this squared error."""
     squares = error * (1.0 + 0.01 * np.arange(8))
-    return SimpleNamespace(effects=[EFFECTS[name] for name in names], errors=BlockErrors(squares, np.ones(8), 1.0))
+    errors = BlockErrors(squares, np.ones(8), 1.0)
+    return SimpleNamespace(effects=[EFFECTS[name] for name in names], errors=errors, squares=float(squares.sum()))
 
 
 @pytest.mark.parametrize(
