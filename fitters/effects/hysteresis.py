@@ -23,7 +23,7 @@ def acceleration(
 def memory(
     t: float, position: float, velocity: float, base: float, params: tuple[float, ...], hidden: tuple[float]
 ) -> tuple[float]:
-    """Z' = v - (g |v| z + (1 - g) v |z|) / d: beyond a way of d it yields."""
+    """The rate: z' = v - (g |v| z + (1 - g) v |z|) / d: beyond a way of d it yields."""
     _, way, share, _ = params
     (elastic,) = hidden
     return (velocity - (share * abs(velocity) * elastic + (1.0 - share) * velocity * abs(elastic)) / way,)

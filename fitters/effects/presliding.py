@@ -22,7 +22,7 @@ def acceleration(
 def memory(
     t: float, position: float, velocity: float, base: float, params: tuple[float, ...], hidden: tuple[float]
 ) -> tuple[float]:
-    """Z' = (v - |v| z) / d: z tends to the sign of the velocity over the distance d."""
+    """The rate: z' = (v - |v| z) / d: z tends to the sign of the velocity over the distance d."""
     return ((velocity - abs(velocity) * hidden[0]) / params[1],)
 
 

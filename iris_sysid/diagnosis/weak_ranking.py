@@ -185,6 +185,9 @@ class WeakRanking:
             begin = dict(zip(names, (0.0, *chosen), strict=True))
             sets.append(self._of((*current.effects, effect), [{**fit.values, **begin} for fit in current.fits]))
         fitted = [each for each in sets if each is not None and self._library.allows(self.candidate(each))]
+        if effect.memory and effect.sensible:  # a slow or a long memory is any slow force
+            values = [[each.fits[0].values[name] for name in names] for each in fitted]
+            fitted = [each for each, own in zip(fitted, values, strict=True) if effect.sensible(clip.t_s[valid], own)]
         return min(fitted, key=lambda each: each.squares, default=None)
 
     def _nearest(

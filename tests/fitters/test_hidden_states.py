@@ -70,7 +70,7 @@ CASES = [
     Case("hysteresis", bouc_wen, 3, {"hysteresis": 20.0, "yield_way": 1 / 80}, (1 / 80, 0.5, 0.1)),
     Case(
         "hidden-mode", two_masses, 4,
-        {"hidden_share": 0.3, "hidden_rate": 25.0, "hidden_loss": 0.05}, (25.0, 0.05),
+        {"hidden_share": 0.3, "hidden_rate": 25.0, "hidden_loss": 0.05}, (25.0, 0.05, 6.0),
     ),
 ]  # fmt: skip
 each = pytest.mark.parametrize("case", CASES, ids=lambda case: case.effect)
@@ -151,7 +151,7 @@ def test_effects_after_one_with_a_memory_act_as_before_it():
     model = with_effects("driven-oscillator", ["hidden-mode", "presliding", "quadratic-drag"])
     assert [state.name for state in model.states[2:]] == ["hidden_way", "hidden_slip", "presliding_state"]
     assert (model.second_order, model.degrees_of_freedom, model.hidden) == (True, 1, 3)
-    state, params = (0.1, 0.2, 0.03, 0.4, 0.5), (2.0, 0.0, 0.0, 1.0, 0.25, 3.0, 0.1, 0.7, 0.5, 1.0, 1.5)
+    state, params = (0.1, 0.2, 0.03, 0.4, 0.5), (2.0, 0.0, 0.0, 1.0, 0.25, 3.0, 0.1, 2.0, 0.7, 0.5, 1.0, 1.5)
     given = dict(zip([parameter.name for parameter in model.parameters], params, strict=False))
     drag = {parameter.name: parameter.default for parameter in EFFECTS["quadratic-drag"].parameters[1:]}
     rates = model.rhs(0.0, state, (*params, *drag.values()), (4.0,))
