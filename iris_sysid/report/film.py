@@ -20,7 +20,7 @@ from iris_sysid.io.files import sha256_of
 from iris_sysid.report.figures import outline
 from iris_sysid.types import Array, FitResult, FrameSource, Track, Trajectory
 from iris_sysid.video.frame_access import jpeg_of
-from iris_sysid.video.multiple_exposure import PHASES, multiple_exposure, sampled_views
+from iris_sysid.video.multiple_exposure import multiple_exposure, phases_of, sampled_views
 from iris_sysid.video.reader import open_video
 
 MAX_SIDE_PX = 640  # side of a frame in the page
@@ -164,7 +164,7 @@ def film_of(footage: Filmed, trajectory: Trajectory, models: Mapping[str, tuple[
     if not images:
         return None
     scale = min(1.0, MAX_SIDE_PX / max(video.width, video.height))
-    still = multiple_exposure(images[:: -(-len(images) // PHASES)])
+    still = multiple_exposure([images[k] for k in phases_of(tracks[0].xy_px[rows])])
     in_page = [(track.xy_px + 0.5) * scale for track in tracks]
     markers = [
         Marker(_name(k, tracks), f"body-{k % BODIES + 1}", path[rows], scale * _radius_px(tracks[k])[rows], False, k)

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from iris_sysid.types import FrameSource, Track
+from iris_sysid.types import Array, Frame, FrameSource, Track
 from iris_sysid.video.camera_motion.reference import seen_from_first
 
 FRAMES, PHASES = 60, 9  # sampled for a page; of them in a multiple exposure
@@ -20,26 +20,52 @@ def sampled_views(
 ) -> list[tuple[float, NDArray[np.uint8]]]:
     """Time, s, and image (h, w, 3) uint8 BGR of sampled frames.
 
+    Where the camera moves, as the track of a body states, each is laid where the first frame shows the scene.
+
     Parameters
     ----------
     video
         The clip.
     body
-        A track that follows the motion of the camera: each image is laid where the first frame shows the scene. None
-        for a camera at rest.
+        Fewer frames than are sampled are those in which it is farthest apart; None: they are even in time.
     largest_px
-        Longest side of an image, px.
+        Longest side of the images, px.
     count
-        Most frames.
+        Largest number of them.
     """
     scale = min(1.0, largest_px / max(video.width, video.height))
     size = round(scale * video.width), round(scale * video.height)
     frames = video.sample(FRAMES)  # the same number for all pictures: they are decoded once
     views = []
-    for k in np.unique(np.linspace(0, len(frames) - 1, count).round().astype(int)):
+    for k in phases_of(_places(frames, body), count):
         image = frames[k].bgr() if body is None else seen_from_first(frames[k], body)
         views.append((frames[k].t_s, np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)))
     return views
+
+
+def _places(frames: Sequence[Frame], body: Track | None) -> Array:
+    """Where a body is in some frames (n, 2), px; NaN where that is not known."""
+    if body is None:
+        return np.full((len(frames), 2), np.nan)
+    row_of = {int(number): row for row, number in enumerate(body.frame)}
+    unknown = np.full(2, np.nan)
+    return np.array([body.xy_px[row_of[frame.index]] if frame.index in row_of else unknown for frame in frames])
+
+
+def phases_of(xy_px: Array, count: int = PHASES) -> list[int]:
+    """Numbers of the places (n, 2) px that are farthest from each other, at most ``count``, in order.
+
+    Of a body that swings frames even in time may all show it at one place. Where too few are known (NaN), they are even
+    in time.
+    """
+    known = np.flatnonzero(np.isfinite(xy_px).all(axis=1))
+    if len(xy_px) <= count or known.size < count:
+        return np.unique(np.linspace(0, len(xy_px) - 1, count).round().astype(int)).tolist()
+    chosen, away = [int(known[0])], np.full(known.size, np.inf)
+    while len(chosen) < count:
+        away = np.minimum(away, np.hypot(*(xy_px[known] - xy_px[chosen[-1]]).T))
+        chosen.append(int(known[away.argmax()]))
+    return sorted(chosen)
 
 
 def multiple_exposure(images: Sequence[NDArray[np.uint8]]) -> NDArray[np.uint8]:

@@ -13,6 +13,7 @@ from iris_sysid.io.clip_place import CLIP_PLACE
 from iris_sysid.report import film as film_module
 from iris_sysid.report.film import Footage, film_of, footage_of_table, model_px
 from iris_sysid.types import Quantity, Track, Trajectory
+from iris_sysid.video.multiple_exposure import phases_of
 from tests._drawn import DrawnClip, moving_disc
 
 
@@ -182,3 +183,11 @@ def test_name_of_a_clip_leads_to_no_other_folder(saved):
     assert footage_of_table(saved / "out", astray) is not None  # the name alone counts, and the content
     nameless = trajectory.with_(origin={**trajectory.origin, "source": 7})
     assert footage_of_table(saved / "out", nameless) is None
+
+
+def test_phases_of_a_swing_that_sampling_would_show_at_one_place_are_spread():
+    k = np.arange(60)
+    xy_px = np.column_stack([np.sin(2 * np.pi * k * 8 / 59), np.zeros(60)])  # every 7th or 8th is at one place
+    apart = np.diff(np.sort(xy_px[phases_of(xy_px, 9), 0]))
+    assert apart.min() > 0.05
+    assert phases_of(np.full((60, 2), np.nan), 3) == [0, 30, 59]
