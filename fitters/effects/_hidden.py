@@ -1,6 +1,8 @@
-"""What effects with hidden states share: where they act, and how far the motion reaches."""
+"""What effects with hidden states share: where they act, a force against the state, ways that the motion shows."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -13,13 +15,23 @@ def is_driven_on_a_line(model: OdeModel) -> bool:
     return moves_on_a_line(model) and bool(model.inputs) and not falls(model)
 
 
-def reach(observed: Array) -> tuple[float, float]:
-    """How far the motion reaches, and how far it moves in one sample, both in the observed unit.
+def against_the_state(
+    t: float, position: float, velocity: float, speed: float, base: float, params: tuple[float, ...],
+    hidden: tuple[float],
+) -> float:  # fmt: skip
+    """-c z: the size of the effect times its hidden state, against it."""
+    return -params[0] * hidden[0]
 
-    ``observed`` (n, d), in that unit; NaN samples are left out.
+
+def ways_of(observed: Array, shares: Sequence[float]) -> list[tuple[float, ...]]:
+    """Shares of how far the motion reaches that are longer than the way in a sample, each with that reach.
+
+    ``observed`` (n, d) and the ways, in the same unit; NaN samples are left out.
     """
     known = observed[np.isfinite(observed).all(axis=1), 0]
-    return float(np.ptp(known)), float(np.quantile(np.abs(np.diff(known)), 0.9)) if known.size > 1 else 0.0
+    span = float(np.ptp(known))
+    step = float(np.quantile(np.abs(np.diff(known)), 0.9)) if known.size > 1 else 0.0
+    return [(share * span, span) for share in shares if share * span > step]
 
 
 def reach_parameter(name: str) -> Parameter:

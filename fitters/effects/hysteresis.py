@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from fitters.effects._hidden import is_driven_on_a_line, reach, reach_parameter
+from fitters.effects._hidden import against_the_state, is_driven_on_a_line, reach_parameter, ways_of
 from iris_sysid.types import Array, Effect, EffectExample, Parameter, Quantity
 
 SHARES = (0.03, 0.1, 0.3)  # of the motion's reach, tried as the way over which it yields
@@ -12,18 +12,10 @@ MAX_SHARE = 1.0  # beyond it nothing yields: a spring
 UNLOADING = 0.5  # of the yield that goes with the work done, the rest with the side: it unloads as a spring
 
 
-def acceleration(
-    t: float, position: float, velocity: float, speed: float, base: float, params: tuple[float, ...],
-    hidden: tuple[float],
-) -> float:  # fmt: skip
-    """-a z, where z is the part of the way that is still elastic."""
-    return -params[0] * hidden[0]
-
-
 def memory(
     t: float, position: float, velocity: float, base: float, params: tuple[float, ...], hidden: tuple[float]
 ) -> tuple[float]:
-    """The rate: z' = v - (g |v| z + (1 - g) v |z|) / d: beyond a way of d it yields."""
+    """The rate: z' = v - (g |v| z + (1 - g) v |z|) / d, of the part of the way that is still elastic: up to d."""
     _, way, share, _ = params
     (elastic,) = hidden
     return (velocity - (share * abs(velocity) * elastic + (1.0 - share) * velocity * abs(elastic)) / way,)
@@ -31,8 +23,7 @@ def memory(
 
 def trials(t_s: Array, observed: Array) -> list[tuple[float, ...]]:
     """Ways that are longer than that in a sample. ``t_s`` (n,), s; ``observed`` (n, d), in its unit."""
-    span, step = reach(observed)
-    return [(share * span, UNLOADING, span) for share in SHARES if share * span > step]
+    return [(way, UNLOADING, span) for way, span in ways_of(observed, SHARES)]
 
 
 def sensible(t_s: Array, params: Sequence[float]) -> bool:
@@ -64,7 +55,7 @@ EFFECT = Effect(
     component="force-of-position",
     applies=is_driven_on_a_line,
     plausibility=0.2,
-    acceleration=acceleration,
+    acceleration=against_the_state,
     alike="presliding, where it yields over a short way; a stiffness, where it yields rarely",
     trials=trials,
     sensible=sensible,

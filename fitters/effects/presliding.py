@@ -4,32 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from fitters.effects._hidden import is_driven_on_a_line, reach, reach_parameter
+from fitters.effects._hidden import against_the_state, is_driven_on_a_line, reach_parameter, ways_of
 from iris_sysid.types import Array, Effect, EffectExample, Parameter, Quantity
 
 SHARES = (0.01, 0.03, 0.1, 0.3)  # of the motion's reach, tried as the distance
 MAX_SHARE = 0.5  # beyond it the joint never slips: a spring
 
 
-def acceleration(
-    t: float, position: float, velocity: float, speed: float, base: float, params: tuple[float, ...],
-    hidden: tuple[float],
-) -> float:  # fmt: skip
-    """-c z, where z is the deflection of the joint over that at which it slips."""
-    return -params[0] * hidden[0]
-
-
 def memory(
     t: float, position: float, velocity: float, base: float, params: tuple[float, ...], hidden: tuple[float]
 ) -> tuple[float]:
-    """The rate: z' = (v - |v| z) / d: z tends to the sign of the velocity over the distance d."""
+    """The rate: z' = (v - |v| z) / d, of the joint's deflection over that at which it slips, after a way of about d."""
     return ((velocity - abs(velocity) * hidden[0]) / params[1],)
 
 
 def trials(t_s: Array, observed: Array) -> list[tuple[float, ...]]:
     """Distances that are longer than the way in a sample. ``t_s`` (n,), s; ``observed`` (n, d), in its unit."""
-    span, step = reach(observed)
-    return [(share * span, span) for share in SHARES if share * span > step]
+    return ways_of(observed, SHARES)
 
 
 def sensible(t_s: Array, params: Sequence[float]) -> bool:
@@ -52,7 +43,7 @@ EFFECT = Effect(
     component="force-of-velocity",
     applies=is_driven_on_a_line,
     plausibility=0.3,
-    acceleration=acceleration,
+    acceleration=against_the_state,
     alike="coulomb-friction, where the motion is long against d; hysteresis",
     trials=trials,
     sensible=sensible,

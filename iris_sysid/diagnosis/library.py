@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from fitters.image_effects import offered
 from iris_sysid.diagnosis.refit import ModelWithEffects, pooled
 from iris_sysid.diagnosis.screening import Candidate
-from iris_sysid.types import ANY_SENSOR, Effect, FitResult, OdeModel, Sensor, Trajectory
+from iris_sysid.types import ANY_SENSOR, Array, Effect, OdeModel, Sensor, Trajectory
 
 FILMED = 0.1  # odds that a table whose sensor is not stated has the faults of a certain one, such as a camera
 
@@ -53,12 +53,14 @@ class EffectLibrary:
 
     def allows_fit(self, model: ModelWithEffects) -> bool:
         """Whether the fitted sizes, averaged over all clips, have an allowed sign, and the shapes mean the effect."""
-        if not all(_is_sensible(effect, fitted) for effect in model.effects for fitted in model.fits):
-            return False
+        for fitted in model.fits:
+            t_s, values = fitted.t_s[fitted.used], {name: each.value for name, each in fitted.estimates.items()}
+            if not all(is_sensible(effect, t_s, values) for effect in model.effects):
+                return False
         sizes = [effect.parameters[0].name for effect in model.effects if effect.name in self._one_sided]
         return all(pooled(model.sizes_of(name)).value >= 0.0 for name in sizes)
 
 
-def _is_sensible(effect: Effect, fitted: FitResult) -> bool:
-    values = [fitted.estimates[parameter.name].value for parameter in effect.parameters]
-    return effect.sensible is None or effect.sensible(fitted.t_s[fitted.used], values)
+def is_sensible(effect: Effect, t_s: Array, values: Mapping[str, float]) -> bool:
+    """Whether fitted parameters, by name, still mean an effect in a clip with samples at ``t_s`` (n,), s."""
+    return effect.sensible is None or effect.sensible(t_s, [values[each.name] for each in effect.parameters])

@@ -203,9 +203,8 @@ class OpenWorld:
 
     def _named_absorbing(self, model: ModelWithEffects) -> set[str]:
         """The effects of a model that are named although they can imitate anything."""
-        removed = {each.name: self.shares.removed(model, each) for each in model.effects if each.absorbs}
         absorbing = [each for each in model.effects if each.absorbs]
-        named = [each for each in absorbing if self._is_named_absorbing(model, each, removed[each.name])]
+        named = [each for each in absorbing if self._is_named_absorbing(model, each, self.shares.removed(model, each))]
         return self._with_own_evidence(model, named)
 
     def _with_own_evidence(self, model: ModelWithEffects, effects: Sequence[Effect]) -> set[str]:

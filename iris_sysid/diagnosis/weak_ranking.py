@@ -18,7 +18,7 @@ from fitters.ode import FitRequest
 from fitters.ode.weak_fit import WeakFit, is_observed, weak_fit, weak_gains
 from iris_sysid.diagnosis.evidence import DECISIVE
 from iris_sysid.diagnosis.held_out_blocks import ALIKE, MIN_SHARE, SURE, BlockErrors, wins
-from iris_sysid.diagnosis.library import EffectLibrary
+from iris_sysid.diagnosis.library import EffectLibrary, is_sensible
 from iris_sysid.diagnosis.refit import ModelWithEffects, Starts, composed_model, estimate_values, weak_request
 from iris_sysid.diagnosis.screening import Candidate
 from iris_sysid.types import Array, Effect, OdeModel
@@ -185,9 +185,8 @@ class WeakRanking:
             begin = dict(zip(names, (0.0, *chosen), strict=True))
             sets.append(self._of((*current.effects, effect), [{**fit.values, **begin} for fit in current.fits]))
         fitted = [each for each in sets if each is not None and self._library.allows(self.candidate(each))]
-        if effect.memory and effect.sensible:  # a slow or a long memory is any slow force
-            values = [[each.fits[0].values[name] for name in names] for each in fitted]
-            fitted = [each for each, own in zip(fitted, values, strict=True) if effect.sensible(clip.t_s[valid], own)]
+        if effect.memory:  # a slow or a long memory is any slow force
+            fitted = [each for each in fitted if is_sensible(effect, clip.t_s[valid], each.fits[0].values)]
         return min(fitted, key=lambda each: each.squares, default=None)
 
     def _nearest(

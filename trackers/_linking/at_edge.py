@@ -9,12 +9,11 @@ import numpy as np
 
 from trackers._detection.detection import Detection, EdgeObject, FrameDetections
 from trackers._detection.subpixel_centroid import Centre
-from trackers._frames.arrays import Box
-from trackers._linking.frame_to_frame import SPEED_CHANGE, Tracklet
+from trackers._frames.arrays import QUANTISATION_SD, Box
+from trackers._linking.frame_to_frame import Tracklet
 
 TOUCHES = 1.5  # px of the search: an object that ends so near to the edge goes on beyond it
 LIKE_THE_BODY = 0.35  # of the diameter: how much wider or narrower its visible sides may be
-ROUNDING = 12**-0.5  # px of the search: standard error of a side that is known to a pixel
 MIN_BEFORE = 3  # detections that predict where the body is
 
 
@@ -47,19 +46,17 @@ def with_frames_at_edge(body: Tracklet, all_detections: Sequence[FrameDetections
 def _going_on(body: Tracklet, frames: Sequence[FrameDetections], box: Box, step: int) -> list[Detection]:
     """The detections at the edge in the next frames, up to the first without one."""
     path, radius = Tracklet(list(body.detections)), body.typical("radius")
-    found: list[Detection] = []
     for seen in frames:
         centres = [_centre(path.last, reaching, radius, box, step) for reaching in seen.edge_objects]
         places = [centre for centre in centres if centre is not None]
         expected = path.predicted(seen.t_s)
-        reach = max(radius, SPEED_CHANGE * float(np.hypot(*path.velocity())) * abs(seen.t_s - path.last.t_s))
+        reach = max(radius, path.speed_change(seen.t_s))
         off = [float(np.hypot(centre.x - expected[0], centre.y - expected[1])) for centre in places]
         if not off or min(off) > reach:
             break
         centre = places[int(np.argmin(off))]
         path.detections.append(replace(path.last, frame=seen.frame, t_s=seen.t_s, centre=centre, left=0, top=0))
-        found.append(path.last)
-    return found
+    return path.detections[len(body.detections) :]
 
 
 def _centre(body: Detection, reaching: EdgeObject, radius: float, box: Box, step: int) -> Centre | None:
@@ -76,7 +73,7 @@ def _centre(body: Detection, reaching: EdgeObject, radius: float, box: Box, step
         return None
     xy = (low + high) / 2 - 0.5
     xy[axis] = (high[axis] - radius if before[axis] else low[axis] + radius) - 0.5
-    error = float(np.hypot(ROUNDING * step, width / 2 - radius))
+    error = float(np.hypot(QUANTISATION_SD * step, width / 2 - radius))
     return replace(
         body.centre,
         x=float(xy[0]),

@@ -95,8 +95,11 @@ class Tracklet:
 
     def reach(self, t_s: float) -> float:
         """How far from the prediction the body may be at ``t_s``, px, judged by its speed and size."""
-        change = SPEED_CHANGE * float(np.hypot(*self.velocity())) * abs(t_s - self.last.t_s)
-        return max(3.0 * self.last.radius, change)
+        return max(3.0 * self.last.radius, self.speed_change(t_s))
+
+    def speed_change(self, t_s: float) -> float:
+        """How far from the prediction a change of its speed may bring the body until ``t_s``, px."""
+        return SPEED_CHANGE * float(np.hypot(*self.velocity())) * abs(t_s - self.last.t_s)
 
 
 def brightness_of(detection: Detection) -> Brightness:
