@@ -90,6 +90,13 @@ def test_a_body_that_the_edge_cuts_is_placed_by_its_visible_side():
     assert ninth.centre.sigma_x == pytest.approx(12**-0.5), "40 px wide, it is known to a pixel's rounding"
 
 
+def test_a_hand_that_reaches_the_body_holds_it():
+    body, seen = leaving([(161, 80, 200, 120)])
+    hand = EdgeObject((140, 60, 200, 200), 8000.0, 2 * RADIUS)
+    with_hand = [*seen[:-1], replace(seen[-1], edge_objects=(*seen[-1].edge_objects, hand))]
+    assert len(with_frames_at_edge(body, with_hand, (0, 0, 200, 200), 1).detections) == 8
+
+
 def test_another_object_at_the_edge_is_not_the_body():
     hand = (150, 20, 200, 160)
     elsewhere = (161, 10, 200, 50)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import takewhile
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from trackers._detection.detection import Detection, EdgeObject, FrameDetections
 from trackers._detection.subpixel_centroid import Centre
 from trackers._frames.arrays import QUANTISATION_SD, Box
 from trackers._linking.frame_to_frame import Tracklet
+from trackers._linking.select_bodies import held_frames
 
 TOUCHES = 1.5  # px of the search: an object that ends so near to the edge goes on beyond it
 LIKE_THE_BODY = 0.35  # of the diameter: how much wider or narrower its visible sides may be
@@ -21,7 +23,7 @@ def with_frames_at_edge(body: Tracklet, all_detections: Sequence[FrameDetections
     """The body with the frames before its first and after its last detection in which the edge cuts less than half.
 
     Across the cut it is as wide as elsewhere, and its far side is one radius from its centre. The difference of the
-    widths is the standard error.
+    widths is the standard error. Where a hand reaches the body, it is held, not cut.
 
     Parameters
     ----------
@@ -37,9 +39,11 @@ def with_frames_at_edge(body: Tracklet, all_detections: Sequence[FrameDetections
     if len(body.detections) < MIN_BEFORE:
         return body
     row_of = {seen.frame: row for row, seen in enumerate(all_detections)}
-    after = _going_on(body, all_detections[row_of[body.last.frame] + 1 :], box, step)
-    backwards = Tracklet(body.detections[::-1])
-    before = _going_on(backwards, all_detections[: row_of[body.first.frame]][::-1], box, step)
+    held = held_frames(body, all_detections)
+    later = takewhile(lambda row: row not in held, range(row_of[body.last.frame] + 1, len(all_detections)))
+    earlier = takewhile(lambda row: row not in held, range(row_of[body.first.frame] - 1, -1, -1))
+    after = _going_on(body, [all_detections[row] for row in later], box, step)
+    before = _going_on(Tracklet(body.detections[::-1]), [all_detections[row] for row in earlier], box, step)
     return Tracklet([*before[::-1], *body.detections, *after])
 
 
