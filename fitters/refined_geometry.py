@@ -28,9 +28,12 @@ def with_constants(
     known
         Values of the model and of the scene, by name; the latter are left out.
     free
-        Further constants to estimate.
+        Further constants to estimate. Gravity is one where lengths are in px, as its value is not known in them.
     """
-    names = {parameter.name for parameter in MODELS.named(phenomenon.model).parameters}
+    model = MODELS.named(phenomenon.model)
+    names = {parameter.name for parameter in model.parameters}
+    if any(quantity.unit == "px" for quantity in trajectory.quantities):
+        free = [*free, *(parameter.name for parameter in model.with_role("gravity"))]
     fixed = {**trajectory.known, **{name: value for name, value in known.items() if name in names}}
     wanted = [name for name in dict.fromkeys((*phenomenon.free, *free)) if name not in fixed]
     return trajectory.with_(known=fixed, free=wanted)

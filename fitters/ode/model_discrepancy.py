@@ -322,6 +322,15 @@ class _Motion:
             problem.every(every), values, states, states[:, :degrees], velocity, slopes, transition, np.asarray(inverse)
         )
 
+    def usual_force(self, k: int) -> float:
+        """Of one degree of freedom: the undisturbed one, or that which moves it so far in this time if that is more.
+
+        The second is for one that moves without a force, e.g. sideways in a throw.
+        """
+        order = 2 if self.problem.model.second_order else 1
+        moving = np.ptp(self.position[:, k]) / np.ptp(self.problem.t_s) ** order
+        return float(max(np.sqrt(np.mean(self.base[:, k] ** 2)), moving))
+
     def seen_of_force(self, force: Array) -> Array:
         """Change (n, d) of what is observed by a small force (n, f), by variation of constants."""
         drawn = cumulative_simpson(
@@ -383,8 +392,8 @@ def _forms(solution: Solution, every: int, n: int) -> Iterator[Array]:
 
 
 def _forces(motion: _Motion, k: int, shapes: Sequence[Array]) -> Iterator[Array]:
-    """What is seen (n, d) of forces on one degree of freedom, of the size of the undisturbed force."""
-    size = np.sqrt(np.mean(motion.base[:, k] ** 2))
+    """What is seen (n, d) of forces on one degree of freedom, of its usual size."""
+    size = motion.usual_force(k)
     for shape in shapes:
         force = np.zeros_like(motion.base)
         force[:, k] = size * shape

@@ -6,6 +6,7 @@ so the same constants serve a webcam and a 4K clip. They are quantiles, not sett
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -42,7 +43,7 @@ def segment(world: Trajectory, *, hand: Mask | None = None, kind: MotionKind = "
 
     - ``oscillation`` and ``any``: the longest.
     - ``flight``: the first that falls and is at least half as long as the longest that is a parabola, which a bounce
-      ends.
+      ends. A stretch that is none is parted where it breaks.
     - ``slide``: along a straight line, monotone, from where it is slowest to where it leaves the line; the first that
       falls and is at least half as long as the longest, which the foot of the board ends.
 
@@ -81,6 +82,8 @@ def segment(world: Trajectory, *, hand: Mask | None = None, kind: MotionKind = "
     resting = [rest for part in free for rest in rests(body, part)]
     moving = [gap for part in free for gap in between(part, resting)]
     stretches, impacts = split_at_impacts(body, moving)
+    if kind == "flight":
+        stretches = [flight for stretch in stretches for flight in _flights(body, stretch)]
     motion = _choose(body, stretches, kind)
     if motion is None:
         raise DataError(_nothing_moves(world, held, resting))
@@ -158,6 +161,32 @@ def _is_parabola(inside: BodyMotion) -> bool:
         return False
     _, _, residual = _parabola(inside)
     return bool(np.sqrt((residual**2).sum(axis=-1).mean()) < PARABOLA * np.linalg.norm(np.ptp(inside.position, axis=0)))
+
+
+def _flights(body: BodyMotion, stretch: Stretch) -> list[Stretch]:
+    """The stretch, or its parts that follow parabolas where it does not: a touch too soft or too hidden for a jump.
+
+    It breaks where two parabolas, one on either side, leave the least sum of squares.
+    """
+    inside = body.part(stretch.start, stretch.stop)
+    breaks = range(MIN_SAMPLES, inside.index.size - MIN_SAMPLES + 1)
+    if not breaks or _is_parabola(inside):
+        return [stretch]
+    at_s = inside.t_s - inside.t_s.mean()
+    left = [
+        _left_by_parabola(at_s[:k], inside.position[:k]) + _left_by_parabola(at_s[k:], inside.position[k:])
+        for k in breaks
+    ]
+    k = breaks[int(np.argmin(left))]
+    sample, reason = int(inside.index[k]), f"its course breaks at {inside.stamp_s[k - 1 : k + 1].mean():.3g} s"
+    before = replace(stretch, stop=sample, end=reason)
+    after = replace(stretch, start=sample, begin=reason)
+    return [*_flights(body, before), *_flights(body, after)]
+
+
+def _left_by_parabola(t_s: Array, position: Array) -> float:
+    """Sum of squares that parabolas in time leave of positions (n, d)."""
+    return float(np.polyfit(t_s - t_s.mean(), position, 2, full=True)[1].sum())
 
 
 def _parabola(inside: BodyMotion) -> tuple[Array, Array, Array]:

@@ -12,7 +12,7 @@ import numpy as np
 from iris_sysid.types._arrays import Array, Mask
 from iris_sysid.types._display import Brief, Shown, text_of, values_of
 from iris_sysid.types._model import OdeModel
-from iris_sysid.types._numbers import Estimate
+from iris_sysid.types._numbers import NORMAL_975, Estimate
 from iris_sysid.types._pickling import Portable
 from iris_sysid.types._verdict import (
     Completeness,
@@ -87,11 +87,21 @@ def _doubts_of_incomplete(equation: Completeness, accuracy: Mapping[str, float])
 
 
 def _relative(estimates: Mapping[str, Estimate], names: Iterable[str]) -> dict[str, float]:
-    """The standard error over the value, for each name that has both; of the first whatever it is, else below 1."""
+    """The relative error, for each name that has a value and an error; of the first whatever it is, else below 1.
+
+    It is the standard error, or the half width of the 95 % interval over 1.96 where that is more: of few samples, or of
+    noise that few samples tell.
+    """
     found = {name: estimates[name] for name in names if name in estimates}
-    errors = {name: abs(one.stderr / one.value) if one.value else math.nan for name, one in found.items()}
+    errors = {name: abs(_error(one) / one.value) if one.value else math.nan for name, one in found.items()}
     first = next(iter(errors), "")
     return {name: error for name, error in errors.items() if 0 < error < (math.inf if name == first else 1.0)}
+
+
+def _error(one: Estimate) -> float:
+    """The standard error, or that which the 95 % interval would have if it were normal, whichever is more."""
+    low, high = one.interval
+    return max(one.stderr, (high - low) / 2 / NORMAL_975) if math.isfinite(high - low) else one.stderr
 
 
 def _accuracy(model: OdeModel, free: Sequence[str], estimates: Mapping[str, Estimate]) -> dict[str, float]:

@@ -100,3 +100,19 @@ def test_complete_equations_are_no_misfit_and_their_intervals_stay():
     rows = [row_of(clean_case(seed)) for seed in range(40)]
     assert np.mean([row.status == "misfit" for row in rows]) <= 0.05
     assert np.mean([row.covered[1] for row in rows]) >= 0.88
+
+
+def test_drag_that_slows_a_throw_sideways_does_not_leave_gravity_undetermined():
+    t_s = np.arange(45) / 60
+
+    def rates(t, state):
+        speed = np.hypot(state[2], state[3])
+        return [state[2], state[3], -0.05 * speed * state[2], -9.80665 - 0.05 * speed * state[3]]
+
+    way = solve_ivp(rates, (0, 1), [0.0, 1.5, 3.8, 1.7], "DOP853", t_s, rtol=1e-10, atol=1e-12).y[:2].T
+    seen = way + 2e-4 * np.random.default_rng(0).standard_normal(way.shape)
+    model = MODELS["projectile"]
+    clip = Trajectory(t_s, model.observed, seen, np.full_like(seen, np.nan), np.ones(t_s.size, bool))
+    gravity = fit(clip, model, free=("gravity",)).estimates["gravity"]
+    assert gravity.interval[0] < 9.80665 < gravity.interval[1]
+    assert gravity.stderr < 3.0, "sideways nothing but the drag acts: it has no force to be compared with"
