@@ -34,8 +34,9 @@ class Score:
 
     ``right`` are the names that are right, ``alike`` those of effects that would have given the same data: nothing can
     tell them from the hidden one. ``added`` are the names it gives, ``classes`` each with those it calls
-    indistinguishable; ``covered`` is whether the 95 % interval of the size holds the truth, None where sizes cannot be
-    compared; ``heldout`` is the error of samples never looked at over the noise.
+    indistinguishable; ``groups`` are effects of which it says that one is there, but not which; ``covered`` is whether
+    the 95 % interval of the size holds the truth, None where sizes cannot be compared; ``heldout`` is the error of
+    samples never looked at over the noise.
     """
 
     seed: int
@@ -49,6 +50,7 @@ class Score:
     alike: frozenset[str]
     added: tuple[str, ...]
     classes: tuple[frozenset[str], ...]
+    groups: tuple[frozenset[str], ...]
     covered: bool | None
     heldout: float
     failed: str = ""
@@ -65,8 +67,13 @@ class Score:
 
     @property
     def in_class(self) -> bool:
-        """Whether a right name is in the class of one given."""
-        return any(self.right & names for names in self.classes)
+        """Whether a right name is in the class of one given, or in a group."""
+        return any(self.right & names for names in (*self.classes, *self.groups))
+
+    @property
+    def wrong_group(self) -> bool:
+        """Whether no right name is in a group."""
+        return any(not names & (self.right | self.alike) for names in self.groups)
 
     @property
     def extra(self) -> tuple[str, ...]:
@@ -77,8 +84,8 @@ class Score:
 
     @property
     def class_size(self) -> int:
-        """Names in the class that holds a right one; 0 where none does."""
-        return next((len(names) for names in self.classes if names & self.right), 0)
+        """Names in the class or group that holds a right one; 0 where none does."""
+        return next((len(names) for names in (*self.classes, *self.groups) if names & self.right), 0)
 
 
 def trajectory_of(case: Case) -> Trajectory:
@@ -140,15 +147,16 @@ def score_case(seed: int, clean: bool) -> Score:
     try:
         found = diagnose(trajectory_of(case), MODELS[case.motion.model])
     except FitError as error:
-        return Score(*about, (), (), None, np.nan, str(error))
+        return Score(*about, (), (), (), None, np.nan, str(error))
     added = tuple(effect.name for effect in found.added)
     classes = tuple(frozenset({name, *found.indistinguishable[name]}) for name in added)
+    groups = tuple(frozenset(finding.effects) for finding in found.findings if finding.word == "group")
     estimate = found.sizes.get(effect.size) if effect else None
     covered = None
     if estimate is not None and effect is not None and not effect.own_form and case.motion.size == 1:
         low, high = estimate.interval
         covered = bool(low <= case.size <= high)
-    return Score(*about, added, classes, covered, found.after.heldout / case.noise_rms)
+    return Score(*about, added, classes, groups, covered, found.after.heldout / case.noise_rms)
 
 
 def alarm(seed: int, count: int) -> bool:
@@ -175,6 +183,7 @@ def row(label: str, scores: Sequence[Score]) -> dict[str, object]:
         "in class": share([score.in_class for score in scores]),
         "class size: median, largest": f"{np.median(sizes):.0f}, {max(sizes)}" if sizes else "",
         "wrong extra name": share([bool(score.extra) for score in scores]),
+        "group without it": share([score.wrong_group for score in scores]),
         "size covered": share([score.covered for score in scores if score.covered is not None]),
         "held-out error / noise: median, 90 %": (
             "{:.2f}, {:.2f}".format(*np.quantile(heldout, HALF_AND_90)) if heldout.size else ""
@@ -206,11 +215,19 @@ def table(scores: Sequence[Score], alarms: Mapping[int, Sequence[bool]]) -> pd.D
 def mistakes(scores: Sequence[Score]) -> list[str]:
     """A line for each case that is not named exactly, or with more than that."""
     return [
-        f"  {score.seed} {score.model}, {score.noise}: hidden {score.hidden or 'nothing'} x {score.factor:.1f}; added "
-        f"{', '.join(score.added) or 'nothing'}{f'; failed: {score.failed}' if score.failed else ''}"
+        f"  {score.seed} {score.model}, {score.noise}: hidden {score.hidden or 'nothing'} x {score.factor:.1f}; "
+        f"{said(score)}"
         for score in scores
         if (score.hidden and not score.exact) or score.extra or score.failed
     ]
+
+
+def said(score: Score) -> str:
+    """The names and the groups given, or that the diagnosis failed."""
+    groups = [f"one of {', '.join(sorted(names))}" for names in score.groups]
+    if score.failed:
+        return f"failed: {score.failed}"
+    return "; ".join([f"added {', '.join(score.added) or 'nothing'}", *groups])
 
 
 def main() -> None:

@@ -96,8 +96,8 @@ def rests(body: BodyMotion, part: Stretch) -> list[Stretch]:
     if np.all(np.std(inside.position, axis=0) < STILL * inside.scale):
         return [replace(part, begin=f"it stays within {STILL:g} times the noise of the track")]
     width, speed, error = _speed(inside)
-    limit = np.maximum(SLOW * error, SLOWEST * _fastest(speed))
-    if np.median(limit) > TELLING * _fastest(speed):
+    limit = np.maximum(SLOW * error, SLOWEST * fastest(speed))
+    if np.median(limit) > TELLING * fastest(speed):
         return []
     return [
         _rest(inside, start, stop, float(np.median(limit)))
@@ -116,7 +116,7 @@ def _speed(inside: BodyMotion) -> tuple[int, Array, Array]:
     while True:
         rate, gain = local.velocity(inside.t_s, inside.position, width)
         speed, error = np.hypot.reduce(rate, axis=1), gain * np.hypot.reduce(inside.scale)
-        if SLOW * np.median(error) < TELLING * _fastest(speed) or 2 * width > size // 2:
+        if SLOW * np.median(error) < TELLING * fastest(speed) or 2 * width > size // 2:
             return width, speed, error
         width *= 2
 
@@ -128,8 +128,9 @@ def _rest(inside: BodyMotion, start: int, stop: int, limit: float) -> Stretch:
     return Stretch(int(inside.index[first]), int(inside.index[last]) + 1, text)
 
 
-def _fastest(speed: Array) -> float:
-    return float(np.percentile(speed, 95))  # a single outlier must not set the scale
+def fastest(speed: Array) -> float:
+    """The fastest of speeds (n,), but for the 5 % above: a single outlier must not set the scale."""
+    return float(np.percentile(speed, 95))
 
 
 def _while_in_place(body: BodyMotion, start: int, stop: int) -> tuple[int, int]:
@@ -184,7 +185,7 @@ def _impacts(body: BodyMotion, part: Stretch) -> list[Impact]:
     if inside.index.size < MIN_SAMPLES:
         return []
     rate, _ = local.velocity(inside.t_s, inside.position, MIN_SAMPLES)
-    smallest = MIN_JUMP * _fastest(np.hypot.reduce(rate, axis=1))
+    smallest = MIN_JUMP * fastest(np.hypot.reduce(rate, axis=1))
     sizes: dict[int, float] = {}
     seen = [local.jumps(inside.t_s, inside.position, inside.scale, width) for width in JUMP_WIDTHS]
     widest = seen[-1][0]

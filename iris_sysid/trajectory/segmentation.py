@@ -14,6 +14,7 @@ import numpy as np
 from iris_sysid.errors import DataError
 from iris_sysid.trajectory import local_polynomials as local
 from iris_sysid.trajectory.rest_and_impacts import (
+    MIN_JUMP,
     MIN_SAMPLES,
     SIGNIFICANT,
     SLOW,
@@ -22,6 +23,7 @@ from iris_sysid.trajectory.rest_and_impacts import (
     Stretch,
     between,
     body_of,
+    fastest,
     rests,
     runs,
     split_at_impacts,
@@ -30,6 +32,7 @@ from iris_sysid.trajectory.straight_line import straight_part
 from iris_sysid.types import Array, Mask, MotionKind, Segment, SegmentLabel, Trajectory, frozen_mask
 
 PARABOLA = 0.05  # of its extent: what a flight leaves of a parabola is less, two flights with a bounce between more
+MAX_BREAKS = 200  # places of a break that are compared at a time: in a long stretch every k-th, then those around
 TO_THE_END = "to the last sample"
 EDGE = 6  # samples at either end that have too few neighbours for a jump, and are compared with an extrapolation
 
@@ -43,7 +46,8 @@ def segment(world: Trajectory, *, hand: Mask | None = None, kind: MotionKind = "
 
     - ``oscillation`` and ``any``: the longest.
     - ``flight``: the first that falls and is at least half as long as the longest that is a parabola, which a bounce
-      ends. A stretch that is none is parted where it breaks.
+      ends. Time counts with the root of the acceleration, so that a long roll is no flight. A stretch is parted
+      where its course breaks.
     - ``slide``: along a straight line, monotone, from where it is slowest to where it leaves the line; the first that
       falls and is at least half as long as the longest, which the foot of the board ends.
 
@@ -142,7 +146,8 @@ def _choose(body: BodyMotion, stretches: list[Stretch], kind: MotionKind) -> Str
     if kind == "flight":
         parabolas = [stretch for stretch in candidates if _is_parabola(body.part(stretch.start, stretch.stop))]
         candidates = parabolas or candidates
-    sizes = np.array([body.part(stretch.start, stretch.stop).index.size for stretch in candidates])
+    length = _flight_length if kind == "flight" else _samples
+    sizes = np.array([length(body.part(stretch.start, stretch.stop)) for stretch in candidates])
     first = int(np.argmax(sizes >= (0.5 if goes_down else 1.0) * sizes.max()))
     return _without_outlying_ends(body, candidates[first])
 
@@ -155,6 +160,18 @@ def _falls(inside: BodyMotion) -> bool:
     return bool(fitted[2, -1] < -SLOW * gain[2] * inside.scale[-1])
 
 
+def _samples(inside: BodyMotion) -> float:
+    return float(inside.index.size)
+
+
+def _flight_length(inside: BodyMotion) -> float:
+    """Samples times the root of the downward acceleration, at least its error: what rolls on the floor has little."""
+    if inside.index.size < MIN_SAMPLES:
+        return 0.0
+    fitted, gain, _ = _parabola(inside)
+    return _samples(inside) * float(np.sqrt(max(-fitted[2, -1], gain[2] * inside.scale[-1])))
+
+
 def _is_parabola(inside: BodyMotion) -> bool:
     """Whether its coordinates follow parabolas in time, to a small part of its extent."""
     if inside.index.size < MIN_SAMPLES:
@@ -164,29 +181,50 @@ def _is_parabola(inside: BodyMotion) -> bool:
 
 
 def _flights(body: BodyMotion, stretch: Stretch) -> list[Stretch]:
-    """The stretch, or its parts that follow parabolas where it does not: a touch too soft or too hidden for a jump.
+    """The stretch, or its parts if it breaks: at a touch too soft, too hidden or too near to another for a jump.
 
-    It breaks where two parabolas, one on either side, leave the least sum of squares.
+    It may break where two parabolas, one on either side, leave the least sum of squares. It does if it follows no
+    parabola itself, or if the velocities of the two differ there as at an impact.
     """
     inside = body.part(stretch.start, stretch.stop)
     breaks = range(MIN_SAMPLES, inside.index.size - MIN_SAMPLES + 1)
-    if not breaks or _is_parabola(inside):
+    if not breaks:
         return [stretch]
-    at_s = inside.t_s - inside.t_s.mean()
-    left = [
-        _left_by_parabola(at_s[:k], inside.position[:k]) + _left_by_parabola(at_s[k:], inside.position[k:])
-        for k in breaks
-    ]
-    k = breaks[int(np.argmin(left))]
+    stride = 1 + len(breaks) // MAX_BREAKS
+    near = _best_break(inside, breaks[::stride])
+    k = _best_break(inside, breaks[max(near - MIN_SAMPLES - stride + 1, 0) : near - MIN_SAMPLES + stride])
+    if _is_parabola(inside) and not _is_struck(inside, k):
+        return [stretch]
     sample, reason = int(inside.index[k]), f"its course breaks at {inside.stamp_s[k - 1 : k + 1].mean():.3g} s"
-    before = replace(stretch, stop=sample, end=reason)
-    after = replace(stretch, start=sample, begin=reason)
+    before, after = replace(stretch, stop=sample, end=reason), replace(stretch, start=sample, begin=reason)
     return [*_flights(body, before), *_flights(body, after)]
 
 
-def _left_by_parabola(t_s: Array, position: Array) -> float:
-    """Sum of squares that parabolas in time leave of positions (n, d)."""
-    return float(np.polyfit(t_s - t_s.mean(), position, 2, full=True)[1].sum())
+def _best_break(inside: BodyMotion, breaks: range) -> int:
+    """The number of the sample from which on another parabola leaves the least sum of squares."""
+    left = [_left_by_parabola(inside, slice(k)) + _left_by_parabola(inside, slice(k, None)) for k in breaks]
+    return breaks[int(np.argmin(left))]
+
+
+def _left_by_parabola(inside: BodyMotion, part: slice) -> float:
+    """Sum of squares that parabolas in time leave of the positions of a part."""
+    t_s = inside.t_s[part]
+    return float(np.polyfit(t_s - t_s.mean(), inside.position[part], 2, full=True)[1].sum())
+
+
+def _is_struck(inside: BodyMotion, k: int) -> bool:
+    """Whether the velocity jumps before sample ``k``, as the parabolas on either side have it, by as much as a blow."""
+    middle_s = inside.t_s[k - 1 : k + 1].mean(keepdims=True)
+    numbers = np.arange(inside.index.size)
+    sides = [
+        local.fit_windows(inside.t_s, inside.position, part[None], middle_s, 2) for part in (numbers[:k], numbers[k:])
+    ]
+    (before, gain_before, _), (after, gain_after, _) = sides
+    scatter = np.hypot(*(np.sqrt(np.mean(residual**2)) for _, _, residual in sides))
+    rate, _ = local.velocity(inside.t_s, inside.position, MIN_SAMPLES)
+    jump = float(np.hypot.reduce(after[0, 1] - before[0, 1]))
+    error = float(np.hypot(gain_before[0, 1], gain_after[0, 1]) * scatter)
+    return jump > max(MIN_JUMP * fastest(np.hypot.reduce(rate, axis=1)), SIGNIFICANT * error)
 
 
 def _parabola(inside: BodyMotion) -> tuple[Array, Array, Array]:

@@ -353,3 +353,34 @@ def test_false_contacts_in_two_hundred_clean_clips_are_none():
         left_out += np.sum(~got.valid)
         total += t_s.size
     assert left_out < 0.001 * total
+
+
+def thrown(*parts, rate_hz=30.0):
+    """Positions of flights at 1000 px/s^2 one after another, each by its samples and the velocity it begins with."""
+    at, flights = np.zeros(2), []
+    for samples, *velocity in parts:
+        t_s = np.arange(samples + 1)[:, None] / rate_hz
+        way = at + t_s * velocity - 0.5 * t_s**2 * [0.0, 1000.0]
+        flights.append(way[:-1])
+        at = way[-1]
+    return np.concatenate(flights)
+
+
+def test_a_flight_ends_where_a_net_takes_the_ball_though_a_bounce_follows_at_once():
+    way = thrown((20, -500.0, 300.0), (6, 60.0, -600.0), (14, 250.0, 550.0))
+    seen = ~np.isin(np.arange(40), [20, 26, 27])
+    got = segment(in_plane(np.arange(40) / 30, way, 0.3, seen, rng=np.random.default_rng(0)), kind="flight")
+    start, stop = motion(got)
+    assert start == 0
+    assert 18 <= stop <= 20
+
+
+def test_a_long_roll_on_the_floor_is_no_flight():
+    flight, t_s = thrown((14, 250.0, 100.0)), np.arange(90) / 30
+    roll = np.column_stack([150.0 * t_s - 12.0 * t_s**2, -2.0 * t_s**2]) + flight[-1] + [8.0, -6.0]
+    got = segment(
+        in_plane(np.arange(104) / 30, np.concatenate([flight, roll]), 0.3, rng=np.random.default_rng(0)), kind="flight"
+    )
+    start, stop = motion(got)
+    assert start == 0
+    assert stop <= 15
