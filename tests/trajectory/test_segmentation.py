@@ -367,7 +367,7 @@ def thrown(*parts, rate_hz=30.0):
 
 
 def test_a_flight_ends_where_a_net_takes_the_ball_though_a_bounce_follows_at_once():
-    way = thrown((20, -500.0, 300.0), (6, 60.0, -600.0), (14, 250.0, 550.0))
+    way = thrown((20, -500.0, 300.0), (6, 150.0, -200.0), (14, 250.0, 450.0))
     seen = ~np.isin(np.arange(40), [20, 26, 27])
     got = segment(in_plane(np.arange(40) / 30, way, 0.3, seen, rng=np.random.default_rng(0)), kind="flight")
     start, stop = motion(got)
