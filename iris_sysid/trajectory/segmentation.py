@@ -193,7 +193,7 @@ def _flights(body: BodyMotion, stretch: Stretch) -> list[Stretch]:
     stride = 1 + len(breaks) // MAX_BREAKS
     near = _best_break(inside, breaks[::stride])
     k = _best_break(inside, breaks[max(near - MIN_SAMPLES - stride + 1, 0) : near - MIN_SAMPLES + stride])
-    if _is_parabola(inside) and not _is_struck(inside, k):
+    if (_is_parabola(inside) or _is_noise(inside)) and not _is_struck(inside, k):
         return [stretch]
     sample, reason = int(inside.index[k]), f"its course breaks at {inside.stamp_s[k - 1 : k + 1].mean():.3g} s"
     before, after = replace(stretch, stop=sample, end=reason), replace(stretch, start=sample, begin=reason)
@@ -225,6 +225,12 @@ def _is_struck(inside: BodyMotion, k: int) -> bool:
     jump = float(np.hypot.reduce(after[0, 1] - before[0, 1]))
     error = float(np.hypot(gain_before[0, 1], gain_after[0, 1]) * scatter)
     return jump > max(MIN_JUMP * fastest(np.hypot.reduce(rate, axis=1)), SIGNIFICANT * error)
+
+
+def _is_noise(inside: BodyMotion) -> bool:
+    """Whether a parabola leaves no more than the noise of the track, as of a ball that falls away from the camera."""
+    _, _, residual = _parabola(inside)
+    return bool(np.all(np.sqrt(np.mean(residual**2, axis=0)) < SLOW * inside.scale))
 
 
 def _parabola(inside: BodyMotion) -> tuple[Array, Array, Array]:
