@@ -28,11 +28,12 @@ def with_constants(
     known
         Values of the model and of the scene, by name; the latter are left out.
     free
-        Further constants to estimate. Gravity is one where lengths are in px, as its value is not known in them.
+        Further constants to estimate. Gravity is one of a flight in px, as its value is not known in them.
     """
     model = MODELS.named(phenomenon.model)
     names = {parameter.name for parameter in model.parameters}
-    if any(quantity.unit == "px" for quantity in trajectory.quantities):
+    flight = (phenomenon.motion, phenomenon.measures) == ("flight", "position")
+    if flight and any(quantity.unit == "px" for quantity in trajectory.quantities):
         free = [*free, *(parameter.name for parameter in model.with_role("gravity"))]
     fixed = {**trajectory.known, **{name: value for name, value in known.items() if name in names}}
     wanted = [name for name in dict.fromkeys((*phenomenon.free, *free)) if name not in fixed]
