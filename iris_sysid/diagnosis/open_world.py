@@ -18,6 +18,7 @@ from iris_sysid.diagnosis.fit_cache import FitCache
 from iris_sysid.diagnosis.held_out_blocks import MIN_SHARE
 from iris_sysid.diagnosis.refit import ModelWithEffects
 from iris_sysid.diagnosis.rivals import MAIN_SHARE, RIVALS, Rivals
+from iris_sysid.diagnosis.weak_ranking import WeakSet
 from iris_sysid.types import Component, Components, Effect, Finding
 
 ABSORBED_SHARE = 0.5  # of the squared error over blocks left out that what can imitate anything removes, if it is named
@@ -84,13 +85,17 @@ class OpenWorld:
         return Judgement(current, self.surviving(current, findings), rivals)
 
     def _in_weak_form(self) -> Judgement | None:
-        """What the weak form of a driven motion says, whose free run is far off; None where it says nothing."""
-        found = self._cache.weak.best(self._cache.base, MAX_EFFECTS)
-        if found is None or not found.effects:
-            return None
-        model = self._cache.with_added(self._cache.base, self._cache.weak.candidate(found))
-        if not self.shares.allows(model):
-            return None
+        """What the weak form of a driven motion says, whose free run is far off; None where it says nothing.
+
+        It is the largest set with a free run of possible sizes: in short windows an effect may fit that cannot be.
+        """
+        for found in self._cache.weak.grown(self._cache.base, MAX_EFFECTS):
+            model = self._cache.with_added(self._cache.base, self._cache.weak.candidate(found))
+            if self.shares.allows(model):
+                return self._of_weak(found, model)
+        return None
+
+    def _of_weak(self, found: WeakSet, model: ModelWithEffects) -> Judgement:
         judged = {effect.name: self._cache.weak.judged(found, effect) for effect in found.effects}
         explained = self._cache.weak.explained(self._cache.base, found) if model.far_off else 1.0
         findings = tuple(_weak_finding(effect, *judged[effect.name], explained) for effect in found.effects)

@@ -97,8 +97,10 @@ class WeakRanking:
         self._clips, self._model, self._library = clips, model, library
         self._found: dict[frozenset[str], list[WeakSet]] = {}
 
-    def best(self, base: ModelWithEffects, most: int) -> WeakSet | None:
-        """The effects that each remove a good part of what remains; None where the weak form does not apply.
+    def grown(self, base: ModelWithEffects, most: int) -> list[WeakSet]:
+        """Sets of effects that each remove a good part of what remained: the largest, then without its last effect.
+
+        Empty where the weak form does not apply, or no effect removes enough.
 
         Parameters
         ----------
@@ -109,14 +111,16 @@ class WeakRanking:
         """
         smoothed = all(clip.trajectory.smoothed is not None for clip in self._clips)
         if not (self._model.inputs and is_observed(self._model) and smoothed and base.far_off):
-            return None
-        best = self._bare(base)
-        while best is not None and len(best.effects) < most:
-            longer = next(iter(self._longer(best)), None)
-            if longer is None or not _is_better(longer, best):
+            return []
+        sets: list[WeakSet] = []
+        current = self._bare(base)
+        while current is not None and len(sets) < most:
+            longer = next(iter(self._longer(current)), None)
+            if longer is None or not _is_better(longer, current):
                 break
-            best = longer
-        return best
+            sets.append(longer)
+            current = longer
+        return sets[::-1]
 
     def explained(self, base: ModelWithEffects, found: WeakSet) -> float:
         """The fraction of the squares in blocks left out that the effects of a set remove; NaN where there is no base.

@@ -122,6 +122,16 @@ def test_effect_in_weak_form_is_named_where_the_effects_explain_most_of_the_forc
     assert _weak_finding(effect, 0.5, {effect.name: 1.0}, explained).word == word
 
 
+def test_what_fits_in_short_windows_and_cannot_be_leaves_what_was_found_before_it():
+    sets = [SimpleNamespace(effects=[EFFECTS[name] for name in names]) for names in (SOAK_UP[:2], SOAK_UP[:1])]
+    world = OpenWorld.__new__(OpenWorld)
+    weak = SimpleNamespace(grown=lambda base, most: sets, candidate=lambda found: found)
+    world._cache = SimpleNamespace(base=None, weak=weak, with_added=lambda base, candidate: candidate)
+    world.shares = SimpleNamespace(allows=lambda model: len(model.effects) < 2)
+    world._of_weak = lambda found, model: found
+    assert world._in_weak_form() is sets[1]
+
+
 def _predicting(error: float, *names: str) -> SimpleNamespace:
     """A model with effects of these names that predicts each of eight blocks with this squared error."""
     squares = error * (1.0 + 0.01 * np.arange(8))
