@@ -11,7 +11,7 @@ from iris_sysid.registry import TRACKERS
 from iris_sysid.types import FrameSource, Track, TrackCandidate, TrackOptions
 from trackers._auto.candidates import TrackingStrategy, check_marks, marks_by_body, way_by_marks, ways_by_looks
 from trackers._auto.evidence import missed_marks
-from trackers._auto.fill_gaps import with_gaps_filled
+from trackers._auto.fill_gaps import with_gaps_filled, with_marks
 from trackers._auto.sampled_once import SampledOnce
 from trackers._auto.scene import SampledScene
 from trackers._auto.verdict import PROBABILITY, judged
@@ -88,7 +88,7 @@ class TrackerSelection:
         )
 
     def named_by_marks(self, tracks: list[Track]) -> list[Track]:
-        """The tracks under the names of the marks that they pass best."""
+        """The tracks under the names of the marks that they pass best, with those in their gaps."""
         named: list[Track] = []
         check_marks(self.options.marks, tracks[0].frame, (self.video.width, self.video.height))
         free = list(tracks)
@@ -96,7 +96,7 @@ class TrackerSelection:
             if free:
                 best = min(free, key=lambda track: len(missed_marks(replace(track, body=name), marks)))
                 free.remove(best)
-                named.append(replace(best, body=name))
+                named.append(with_marks(replace(best, body=name), marks))
         return named if self.options.marks else tracks
 
 
