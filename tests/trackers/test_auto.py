@@ -7,13 +7,13 @@ import pytest
 
 from iris_sysid.errors import DataError
 from iris_sysid.registry import TRACKERS
-from iris_sysid.types import Track, Tracker, TrackMark, TrackOptions
+from iris_sysid.types import Track, TrackCandidate, Tracker, TrackMark, TrackOptions, TrackQuality
 from tests import _phone_clips as phone
 from tests._drawn import DrawnClip, disc, moving_disc, noisy, paint, swing
 from trackers._auto.appearance import Peaks
 from trackers._auto.best_path import best_path
 from trackers._auto.candidates import TrackingStrategy, radius_at
-from trackers._auto.choose import TrackerSelection
+from trackers._auto.choose import TrackerSelection, contradicted
 from trackers._auto.evidence import (
     Patches,
     disc_not_followed,
@@ -81,6 +81,21 @@ def test_one_mark_makes_the_track_of_a_ball_like_the_wall_right():
     tracks = followed(clip, marks=(mark(clip, 10),))
     assert phone.on_body(clip, tracks)[0] > 0.95
     assert tracks[0].origin["chosen"] == "marks"
+
+
+def test_path_that_marks_lead_elsewhere_than_a_good_one_that_passes_them_is_contradicted():
+    def candidate(name, away):
+        xy_px = swing(40, (80, 48 + away), (45, 20), period=37.3)
+        quality = TrackQuality((), {PROBABILITY: 0.9})
+        rows, radius = np.arange(40), np.full(40, 9.0)
+        return TrackCandidate(
+            name, (Track(rows / 30, xy_px, np.ones_like(xy_px), rows >= 0, rows, radius_px=radius, quality=quality),)
+        )
+
+    free = candidate("path-at-marks", 0.0)
+    assert contradicted(candidate("marks", 50.0), [free])
+    assert not contradicted(candidate("marks", 2.0), [free])
+    assert not contradicted(free, [candidate("marks", 50.0)])
 
 
 def test_marks_name_the_bodies_and_tell_two_alike_apart():

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from iris_sysid.registry import TRACKERS
-from iris_sysid.types import TrackOptions
+from iris_sysid.types import TrackMark, TrackOptions
 from tests._drawn import DrawnClip, disc, moving_disc, noisy, paint, swing
 from trackers._auto.appearance import Peaks, learn
 from trackers._auto.best_path import MARKED, best_path
-from trackers._auto.fill_gaps import with_gaps_filled
+from trackers._auto.fill_gaps import with_gaps_filled, with_marks
 from trackers._auto.known_looks import KnownLooks
 from trackers._auto.scene import SampledScene
 from trackers._frames.working_image import view_of
@@ -45,6 +45,31 @@ def test_frames_in_which_the_body_is_held_or_hidden_stay_gaps():
     assert not filled(replace(track, hand=~track.valid), clip).valid[GAP].any()
     hidden = moving_disc(np.where(track.valid[:, None], PATH, -100.0), RADIUS, SHAPE)
     assert not filled(track, hidden).valid[GAP].any()
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_ends_of_a_track_are_filled_as_long_as_the_body_is_where_its_motion_leads(there):
+    ends = np.r_[0:2, 38:40]
+    path = PATH.copy()
+    path[ends] += 0.0 if there else np.array([0.0, 500.0])
+    track = with_gap(moving_disc(PATH, RADIUS, SHAPE))[0]
+    valid = ~np.isin(np.arange(len(PATH)), ends)
+    short = replace(track, valid=valid, xy_px=np.where(valid[:, None], PATH, np.nan))
+    found = filled(short, moving_disc(path, RADIUS, SHAPE))
+    assert np.all(found.valid[ends] == there)
+    if there:
+        assert np.hypot(*(found.xy_px - PATH)[ends].T).max() < RADIUS / 2
+
+
+def test_mark_in_a_gap_says_where_the_body_is_if_the_motion_leads_there_or_the_track_passes_another():
+    track = with_gap(moving_disc(PATH, RADIUS, SHAPE))[0]
+    lost, seen = (TrackMark("1", *PATH[frame], frame) for frame in (GAP.start, 5))
+    found = with_marks(track, [lost, seen])
+    assert np.array_equal(np.flatnonzero(found.valid & ~track.valid), [GAP.start])
+    np.testing.assert_allclose(found.xy_px[GAP.start], PATH[GAP.start])
+    assert found.sigma_px[GAP.start].min() > 1.0
+    assert with_marks(track, [lost]).valid[GAP.start]
+    assert with_marks(track, [replace(lost, y_px=lost.y_px - 60)]) is track
 
 
 def test_gap_is_not_filled_with_another_body_that_is_followed():

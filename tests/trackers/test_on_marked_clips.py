@@ -9,7 +9,6 @@ from tests._project import recording
 from validation.real_marks import marked_clips
 from validation.real_tracks import outcome
 
-KNOWN_WRONG = ("throw-classroom",)  # people move before the board
 OPEN = {clip.name: clip for clip in marked_clips("open")}
 QUICK = ("incline-marble-1", "sliding-friction-3", "throw-dark-red", "throw-green-PV4", "tracker-ball-toss")
 
@@ -27,7 +26,5 @@ def test_body_is_followed(name):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(OPEN))
-def test_no_track_is_wrong_without_saying_so(name, request):
-    if name in KNOWN_WRONG:
-        request.applymarker(pytest.mark.xfail(reason="its verdict is wrong: see the page on tracking", strict=True))
+def test_no_track_is_wrong_without_saying_so(name):
     assert not tracked(name).wrong

@@ -11,6 +11,7 @@ from iris_sysid.pipeline import camera_note, track
 from iris_sysid.registry import TRACKERS
 from iris_sysid.report.overlay import draw_body
 from iris_sysid.types import Track, TrackCandidate, TrackMark, TrackOptions, mapped
+from iris_sysid.video.camera_motion.frame_edge import seen_part
 from iris_sysid.video.camera_motion.reference import NOT_MEASURED, in_reference, on_canvas
 from iris_sysid.video.camera_motion.registration import scatter_in_time
 from iris_sysid.video.camera_motion.steady import examined, steadied
@@ -178,15 +179,27 @@ def test_light_that_flickers_is_no_motion_of_the_camera():
     assert steadied(flickering) == (flickering, None)
 
 
-def test_body_that_the_edge_of_its_own_frame_cuts_is_a_gap():
+def test_body_that_the_edge_of_its_own_frame_cuts_is_where_its_visible_part_says():
     path = np.column_stack([np.linspace(60.0, 300.0, FRAMES), np.full(FRAMES, 90.0)])
     clip, maps, _ = filmed(Shake(5.0, 0.001), path=path)
     (body,) = track(clip, "median-background")
     seen = mapped(maps, path)
-    cut = (seen[:, 0] > SIZE[0] - 1 - RADIUS + 1) | (seen[:, 0] < RADIUS - 1)
+    away = SIZE[0] - 0.5 - seen[:, 0]
+    cut = (away < RADIUS - 1) & body.valid
+    off_px = np.hypot(*(body.xy_px - mapped(maps[0], path))[cut].T)
     assert cut.any()
-    assert not body.valid[cut].any()
+    assert np.all(off_px < 1.0)
+    assert not body.valid[away < -1].any()
     assert body.valid[(seen[:, 0] > 2 * RADIUS) & (seen[:, 0] < SIZE[0] - 2 * RADIUS)].mean() > 0.8
+
+
+def test_visible_part_of_a_disc_is_that_of_its_pixels():
+    y, x = np.mgrid[-1:1:2000j, -1:1:2000j]
+    for inside in (0.0, 0.3, 0.8, 1.0):
+        seen = (np.hypot(x, y) < 1) & (x > -inside)
+        share, shift = seen_part(np.array(inside))
+        assert share == pytest.approx(seen.sum() / (np.hypot(x, y) < 1).sum(), abs=1e-3)
+        assert shift == pytest.approx(x[seen].mean(), abs=1e-3)
 
 
 @pytest.mark.parametrize(("inside", "doubts"), [(0.2, ["moving-camera"]), (0.9, [])])

@@ -21,6 +21,7 @@ LEARNED = 0.8  # of the inscribed radius at the size of the search, which includ
 MAX_MARKED_RADIUS = 0.25  # of the smaller side of the image: the radius of a marked body
 GROWTH = 1.12  # ratio of the radii that are tried
 CLICKED = 2.0  # px of the search image: pixels round a click that are surely of the body
+LED = "marks"  # the way whose paths are bound to the marks
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -72,9 +73,7 @@ def way_by_marks(video: FrameSource, view: View, options: TrackOptions) -> Track
     marks = marks_by_body(options.marks)
     if len(marks) < options.bodies:
         raise DataError(f"{options.bodies} bodies were requested, but {len(marks)} are marked; mark each, or none")
-    return TrackingStrategy(
-        "marks", lambda: follow_appearance(video, view, _marked_bodies(video, view, marks), options)
-    )
+    return TrackingStrategy(LED, lambda: follow_appearance(video, view, _marked_bodies(video, view, marks), options))
 
 
 def marks_by_body(marks: Sequence[TrackMark]) -> dict[str, list[TrackMark]]:

@@ -9,13 +9,13 @@ from functools import partial
 from iris_sysid.errors import TrackingError
 from iris_sysid.registry import TRACKERS
 from iris_sysid.types import FrameSource, Track, TrackCandidate, TrackOptions
-from trackers._auto.candidates import TrackingStrategy, check_marks, marks_by_body, way_by_marks, ways_by_looks
-from trackers._auto.evidence import missed_marks
-from trackers._auto.fill_gaps import with_gaps_filled
+from trackers._auto.candidates import LED, TrackingStrategy, check_marks, marks_by_body, way_by_marks, ways_by_looks
+from trackers._auto.evidence import missed_marks, two_on_one
+from trackers._auto.fill_gaps import with_gaps_filled, with_marks
 from trackers._auto.sampled_once import SampledOnce
 from trackers._auto.scene import SampledScene
 from trackers._auto.verdict import PROBABILITY, judged
-from trackers._auto.verdict_weights import SURE
+from trackers._auto.verdict_weights import DOUBTFUL, SURE
 from trackers._frames.working_image import view_of
 from trackers._linking.frame_to_frame import Tracklet
 from trackers._linking.moving_bodies import MovingBodies, follow, is_apart, is_marked
@@ -23,6 +23,7 @@ from trackers._linking.moving_bodies import MovingBodies, follow, is_apart, is_m
 SAMPLES = 40  # as many as the background is made of
 MAX_BODIES = 3  # more bodies are too alike to be followed by appearance
 MAX_WAYS, NEXT = 3, 2  # ways by appearance; further objects that move before the still background
+SAME = 0.5  # of the common frames: two tracks that are in one place more often are of one body
 FIRST = "median-background"
 
 
@@ -88,7 +89,7 @@ class TrackerSelection:
         )
 
     def named_by_marks(self, tracks: list[Track]) -> list[Track]:
-        """The tracks under the names of the marks that they pass best."""
+        """The tracks under the names of the marks that they pass best, with those in their gaps."""
         named: list[Track] = []
         check_marks(self.options.marks, tracks[0].frame, (self.video.width, self.video.height))
         free = list(tracks)
@@ -96,7 +97,7 @@ class TrackerSelection:
             if free:
                 best = min(free, key=lambda track: len(missed_marks(replace(track, body=name), marks)))
                 free.remove(best)
-                named.append(replace(best, body=name))
+                named.append(with_marks(replace(best, body=name), marks))
         return named if self.options.marks else tracks
 
 
@@ -105,6 +106,22 @@ def probability(candidate: TrackCandidate) -> float:
     return min(
         (track.quality.evidence[PROBABILITY] for track in candidate.tracks if track.quality is not None), default=-1.0
     )
+
+
+def contradicted(candidate: TrackCandidate, others: Sequence[TrackCandidate]) -> bool:
+    """Whether marks lead a candidate elsewhere than a good one goes that passes them without being led.
+
+    A path that marks lead passes them whatever it is on otherwise, so that passing them is no evidence for it.
+    """
+    good = [other for other in others if other.name != LED and probability(other) >= DOUBTFUL]
+    apart = [
+        two_on_one(same, [track]) < SAME
+        for other in good
+        for track in candidate.tracks
+        for same in other.tracks
+        if same.body == track.body
+    ]
+    return candidate.name == LED and any(apart)
 
 
 def choose(video: FrameSource, options: TrackOptions) -> tuple[TrackCandidate, list[TrackCandidate]]:
@@ -120,9 +137,10 @@ def choose(video: FrameSource, options: TrackOptions) -> tuple[TrackCandidate, l
     options = replace(options, bodies=max(options.bodies, len(marks_by_body(options.marks))))
     choice = TrackerSelection.of(video, options)
     for way in _ways(choice):
-        if probability(choice.attempt(way)) >= SURE and options.explain is None:
+        if probability(choice.attempt(way)) >= SURE and options.explain is None and way.name != LED:
             break
-    best = max(choice.candidates, key=probability)
+    tried = choice.candidates
+    best = max(tried, key=lambda candidate: (not contradicted(candidate, tried), probability(candidate)))
     if not best.tracks:
         raise TrackingError(choice.candidates[0].refusal)
     if options.explain is not None:

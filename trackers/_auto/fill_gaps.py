@@ -7,21 +7,28 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from iris_sysid.types import Array, FrameSource, Mask, Track
+from iris_sysid.types import Array, FrameSource, Mask, Track, TrackMark
 from trackers._auto.appearance import Peaks, search_image
 from trackers._auto.best_path import MARKED, best_path
-from trackers._auto.evidence import passes
+from trackers._auto.evidence import held_rows, missed_marks, passes, usual_radius
 from trackers._auto.follow_appearance import APART, REACH_RADII, REACH_SHARE, ROUGH
 from trackers._auto.known_looks import KnownLooks, known_looks
 from trackers._auto.scene import Place, SampledScene
 from trackers._frames.working_image import View
+from trackers._linking.frame_to_frame import MAX_GAP, SPEED_CHANGE
+
+MIN_SEEN = 3  # rows that say where the body goes
+_NOWHERE = Peaks(np.zeros((0, 2)), np.zeros(0))
 
 
 def with_gaps_filled(video: FrameSource, scene: SampledScene, track: Track, others: Sequence[Track] = ()) -> Track:
     """A track with its gaps filled where the body is clearly visible on a path from end to end of the gap.
 
-    Its outline gave no position there: such a position is known to a third of the radius.
+    Where its motion leads, also just beyond the ends of the track, it need not look like the body more than anything
+    in the image, but more than anything that is there without it. Its outline gave no position in these frames: such a
+    position is known to a third of the radius.
 
     Parameters
     ----------
@@ -42,30 +49,85 @@ def with_gaps_filled(video: FrameSource, scene: SampledScene, track: Track, othe
     places = _places(video, view, track, known, others)
     chosen = best_path(places, max(REACH_RADII * known.looks.radius, REACH_SHARE * float(np.hypot(*view.search_size))))
     found = {row: places[row].xy[column] for row, column in enumerate(chosen) if column is not None}
+    found = _going_on(found, np.flatnonzero(track.valid))
     return _with_positions(
         track, {row: view.in_frame(*xy) for row, xy in found.items() if not track.valid[row]}, radius
     )
 
 
+def with_marks(track: Track, marks: Sequence[TrackMark]) -> Track:
+    """A track with those of its marks that lie in its gaps, where its motion leads to them, or it passes another."""
+    row_of = {int(number): row for row, number in enumerate(track.frame)}
+    lost = {row_of[mark.frame]: (mark.x_px, mark.y_px) for mark in marks if not track.valid[row_of[mark.frame]]}
+    if len(missed_marks(track, marks)) == len(marks):
+        expected = _expected(track, usual_radius(track))
+        lost = {
+            row: at
+            for row, at in lost.items()
+            if any(np.hypot(*np.subtract(at, place)) < reach for place, reach in expected.get(row, ()))
+        }
+    return _with_positions(track, lost, usual_radius(track)) if lost else track
+
+
 def _places(video: FrameSource, view: View, track: Track, known: KnownLooks, others: Sequence[Track]) -> list[Peaks]:
     """Where the body may be in each frame, px of the search image: on the track, or what looks like it."""
     seen = np.flatnonzero(track.valid)
-    gap: Mask = ~track.valid if track.hand is None else ~track.valid & ~track.hand
+    lost: Mask = ~track.valid & ~held_rows(track)
+    gap: Mask = lost.copy()
     gap[: seen[0]] = gap[seen[-1] :] = False
+    expected = {row: ways for row, ways in _expected(track, usual_radius(track)).items() if lost[row]}
     at = {int(number): row for row, number in enumerate(track.frame)}
-    places = [Peaks(np.zeros((0, 2)), np.zeros(0))] * len(track.frame)
+    places = [_NOWHERE] * len(track.frame)
     for row in seen:
         places[row] = Peaks(np.array([view.in_search(*track.xy_px[row])]), np.array([MARKED]))
     for frame in video.frames():
         here = at.get(frame.index)
-        if here is not None and gap[here]:
-            found = known.plainly_in(search_image(view, frame))
+        if here is not None and (gap[here] or here in expected):
+            image = search_image(view, frame)
+            found = known.plainly_in(image) if gap[here] else _NOWHERE
+            for place, reach in expected.get(here, ()):
+                found = (
+                    found if len(found.score) else known.expected_in(image, view.in_search(*place), reach / view.step)
+                )
             reach = APART * known.looks.radius * view.step
             free = [
                 not any(passes(other, frame.index, view.in_frame(*xy), reach) for other in others) for xy in found.xy
             ]
             places[here] = found.where(np.array(free, np.bool_))
     return places
+
+
+def _expected(track: Track, radius: float) -> dict[int, tuple[tuple[Place, float], ...]]:
+    """Where, and within which reaches, all px, a body is by its motion, by the row of the track.
+
+    In its gaps along the path from end to end, for ``MAX_GAP`` frames beyond the ends with the velocity there. The
+    reach is ``radius`` first, as the scene looks less like the body in a small window, then what a change of the speed
+    does from the nearer end where that is more.
+    """
+    seen = np.flatnonzero(track.valid)
+    if len(seen) < MIN_SEEN:
+        return {}
+    xy = track.xy_px[seen]
+    rows = np.arange(max(0, seen[0] - MAX_GAP), min(len(track.valid), seen[-1] + MAX_GAP + 1))
+    path = np.column_stack([np.interp(rows, seen, one) for one in xy.T])
+    speeds = np.diff(xy, axis=0) / np.diff(seen)[:, np.newaxis]
+    path[rows < seen[0]] += np.outer(rows[rows < seen[0]] - seen[0], speeds[0])
+    path[rows > seen[-1]] += np.outer(rows[rows > seen[-1]] - seen[-1], speeds[-1])
+    after = np.clip(np.searchsorted(seen, rows), 1, len(seen) - 1)
+    frames = np.minimum(abs(rows - seen[after - 1]), abs(rows - seen[after]))
+    far = SPEED_CHANGE * np.hypot(*speeds[after - 1].T) * frames
+    ways = zip(rows.tolist(), path.tolist(), far.tolist(), strict=True)
+    return {row: tuple(((x, y), reach) for reach in (radius, most) if reach >= radius) for row, (x, y), most in ways}
+
+
+def _going_on(found: Mapping[int, Array], seen: NDArray[np.int64]) -> dict[int, Array]:
+    """The places by row without those beyond the ends of the rows ``seen`` (n,) that follow on one without a place."""
+    first, last = int(seen[0]), int(seen[-1])
+    while first - 1 in found:
+        first -= 1
+    while last + 1 in found:
+        last += 1
+    return {row: place for row, place in found.items() if first <= row <= last}
 
 
 def _with_positions(track: Track, places: Mapping[int, Place], radius: float) -> Track:

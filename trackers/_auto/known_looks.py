@@ -7,11 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trackers._auto.appearance import Appearance, Peaks, learn, score_at
+from trackers._auto.appearance import MIN_SCORE, Appearance, Peaks, learn, score_at
 from trackers._auto.scene import Place
 from trackers._frames.arrays import Bytes, Image
 
 SCENERY = 0.5  # share of the samples with the body elsewhere: a place that looks like it there too is scenery
+MIN_ELSEWHERE = 5  # samples with the body elsewhere, that tell what a place looks like without it
 PLAIN = 0.75  # of the usual score of the body: chance rarely reaches it
 
 
@@ -33,6 +34,23 @@ class KnownLooks:
         at = [(float(x), float(y)) for x, y in peaks.xy]
         kept = [not is_scenery(self.maps, self.places, place, self.looks.radius, self.plain) for place in at]
         return peaks.where(np.array(kept, np.bool_))
+
+    def expected_in(self, image: Bytes, place: Place, reach: float) -> Peaks:
+        """The best place of a search image (h, w, 3) within ``reach`` px of where the body is expected, or none.
+
+        It must look more like the body than anything there does in the samples in which the body is elsewhere: the
+        chance of that is less than one in their number, in a window however large.
+        """
+        rows, columns = np.ogrid[: image.shape[0], : image.shape[1]]
+        window = np.hypot(columns - place[0], rows - place[1]) <= reach
+        away = {k: np.hypot(*np.subtract(at, place)) > reach + 2 * self.looks.radius for k, at in self.places.items()}
+        chance = [float(self.maps[k][window].max()) for k, is_away in away.items() if is_away and window.any()]
+        if len(chance) < MIN_ELSEWHERE:
+            return Peaks(np.zeros((0, 2)), np.zeros(0))
+        score = np.where(window, self.looks.score_map(image), -np.inf)
+        y, x = np.unravel_index(int(np.argmax(score)), score.shape)
+        seen = Peaks(np.array([[x, y]], dtype=np.float64), np.array([float(score[y, x])]))
+        return seen.where(seen.score > max(*chance, MIN_SCORE))
 
 
 def known_looks(images: Sequence[Bytes], places: Mapping[int, Place], radius: float) -> KnownLooks:

@@ -13,11 +13,9 @@ from numpy.typing import NDArray
 
 from iris_sysid.errors import TrackingError
 from iris_sysid.types import (
-    Array,
     Doubt,
     Frame,
     FrameSource,
-    Mask,
     Track,
     TrackCandidate,
     Tracker,
@@ -26,6 +24,7 @@ from iris_sysid.types import (
     mapped,
     part_of_progress,
 )
+from iris_sysid.video.camera_motion.frame_edge import completed, is_whole
 from iris_sysid.video.camera_motion.steady import examined
 from iris_sysid.video.camera_motion.steady_video import OnCanvas, SteadyVideo
 from iris_sysid.video.camera_motion.survey import CameraState
@@ -102,38 +101,30 @@ def _explained(
 def in_reference(track: Track, steady: SteadyVideo) -> Track:
     """A track of the steady clip in px of the first frame, with the motion and its error.
 
-    A sample in which the edge of its own frame cuts the body is a gap: the pixels beyond were put there.
+    Where the edge of its own frame cuts the body, the pixels beyond were put there: what is left of it says where it
+    is, or the sample is a gap.
     """
-    canvas, motion = steady.canvas, steady.motion
-    xy_px = track.xy_px + np.array([canvas.left, canvas.top])
-    of_motion = motion.sigma(track.frame, xy_px)
-    whole = _is_whole(xy_px, track, motion.of(track.frame), (steady.video.width, steady.video.height))
-    gap = ~whole[:, np.newaxis]
+    canvas, size, to_frame = steady.canvas, (steady.video.width, steady.video.height), steady.motion.of(track.frame)
+    seen_px = track.xy_px + np.array([canvas.left, canvas.top])
+    whole = is_whole(seen_px, track, to_frame, size)
+    xy_px, of_cut, known = completed(seen_px, track, to_frame, size, whole)
+    of_motion = steady.motion.sigma(track.frame, xy_px)
+    gap = ~known[:, np.newaxis]
     moved = replace(
         track,
         xy_px=np.where(gap, np.nan, xy_px),
-        sigma_px=np.where(gap, np.nan, np.hypot(track.sigma_px, of_motion)),
-        valid=track.valid & whole,
-        camera_motion=motion.of(track.frame),
+        sigma_px=np.where(gap, np.nan, np.hypot(np.hypot(track.sigma_px, of_motion), of_cut[:, np.newaxis])),
+        valid=track.valid & known,
+        camera_motion=to_frame,
         origin={**track.origin, "camera_motion": TAKEN_OUT},
     )
-    kept = moved.n_valid / max(track.n_valid, 1)
+    kept = float(np.mean(whole[track.valid])) if track.n_valid else 0.0
     if kept < MIN_WHOLE:
         return _doubted(moved, f"the edge of the image cuts what is followed in {1 - kept:.0%} of its frames", CHECK)
     typical = float(np.median(of_motion[moved.valid])) if moved.n_valid else 0.0
     if typical > LARGE_PX:
         return _doubted(moved, f"the motion of the camera is known to {typical:.1f} px only")
     return moved
-
-
-def _is_whole(xy_px: Array, track: Track, to_frame: Array, size: tuple[int, int]) -> Mask:
-    """Where the body, or its centre where no radius is known, lies within its frame of that size."""
-    radius = np.zeros(len(xy_px)) if track.radius_px is None else np.nan_to_num(track.radius_px)
-    edge = np.array(size) - 1.0
-    with np.errstate(invalid="ignore"):
-        here = mapped(to_frame, xy_px)
-        inside = (here >= radius[:, np.newaxis]) & (here <= edge - radius[:, np.newaxis])
-    return np.asarray(inside.all(axis=1) | ~track.valid)
 
 
 def seen_from_first(frame: Frame, body: Track) -> NDArray[np.uint8]:
