@@ -37,7 +37,7 @@ LENSES = (("k1", "k2", "p1", "p2"), FULL_LENS)
 POOR_FOCAL = 0.05  # relative standard error above which the focal length counts as not determined
 POOR_CENTRE = 0.05  # of the image's width
 EXPECTED_NOISE_PX = 0.2
-CELLS = 8  # fields on a side of the image, of which the part with corners is counted
+CELLS = 8  # fields on a side of the image; the share of fields with a corner is the coverage
 USUAL_FOCAL = 0.8  # of the longer side: a field of view of 64 degrees
 TILT_HELP = (
     "tilt the board by 20 to 40 degrees about both axes, differently in each view, and move it over the whole image"
