@@ -195,7 +195,7 @@ def observe(
     from iris_sysid.trajectory.observables import measured, observed, segmented
     from iris_sysid.trajectory.smoothing import smooth
 
-    chosen, marks = _phenomenon(phenomenon), marks_px or {}
+    chosen, marks = PHENOMENA.resolved(phenomenon), marks_px or {}
     if len(tracks) < chosen.bodies:
         raise DataError(f"{chosen.name} needs {chosen.bodies} bodies, but {len(tracks)} were tracked; see --bodies")
     world = list(world) or [segmented(body, calibration, chosen) for body in tracks]
@@ -225,10 +225,6 @@ def observe(
     geometry = {**trajectory.geometry, **(focal_ratio(calibration) if view is not None else {})}
     doubts = tuple(dict.fromkeys(doubt for body in world for doubt in body.doubts))
     return world, trajectory.with_(systematic=shared, view=view, geometry=geometry, doubts=doubts)
-
-
-def _phenomenon(phenomenon: str | Phenomenon) -> Phenomenon:
-    return PHENOMENA.resolved(phenomenon)
 
 
 def open_clip(source: str | Path, clip: ClipOptions) -> Video:
@@ -289,7 +285,7 @@ def run(
     VideoError, TrackingError, CalibrationError, DataError
         When the clip cannot be read, followed, calibrated or observed.
     """
-    chosen = _phenomenon(phenomenon)
+    chosen = PHENOMENA.resolved(phenomenon)
     known = dict(settings or {})
     calibration = scale_from_text(calibration) if isinstance(calibration, str) else calibration
     check_request(chosen, known, free, geometry)
@@ -353,7 +349,7 @@ def run_tracked(
     """
     from iris_sysid.trajectory.vertical_and_scale import align_vertical, gravity_calibration, vertical_note
 
-    chosen = _phenomenon(phenomenon)
+    chosen = PHENOMENA.resolved(phenomenon)
     known = dict(settings or {})
     check_request(chosen, known, free, geometry)
     if geometry.scale_from_gravity is not None:
@@ -511,7 +507,8 @@ def observe_and_fit(
         The model fitted to it.
     """
     from fitters.refined_geometry import fit_in_turns, with_constants
-    from iris_sysid.trajectory.consistency.checks import doubts_of_run
+    from iris_sysid.trajectory.consistency.gravity_scale import gravity_doubts
+    from iris_sysid.trajectory.consistency.path_shape import phenomenon_doubt
 
     world: list[Trajectory] = []
 
@@ -531,7 +528,8 @@ def observe_and_fit(
         return world, with_constants(trajectory, phenomenon, stated, free)
 
     world, trajectory, result = fit_in_turns(phenomenon, settings, observing)
-    seen = doubts_of_run(tracks, world, calibration, phenomenon, result, trajectory)
+    another = phenomenon_doubt(world[0], phenomenon)  # then gravity says nothing of clock and scale
+    seen = (another,) if another else gravity_doubts(tracks, world, calibration, phenomenon, result, trajectory)
     doubts = (*seen, *calibration.doubts, *trajectory.doubts)
     return world, trajectory.with_(doubts=doubts), replace(result, doubts=doubts)
 
@@ -581,26 +579,18 @@ def _marks_in_world(
     marks_px: Mapping[str, tuple[float, float]], body: Track, calibration: Calibration
 ) -> dict[str, Estimate]:
     """Marked points as the settings ``<name>_x`` and ``<name>_z``."""
-    marks = [_mark_in_world(name, point, body, calibration) for name, point in marks_px.items()]
-    return {name: value for mark in marks for name, value in mark.items()}
-
-
-def _mark_in_world(
-    name: str, point_px: tuple[float, float], body: Track, calibration: Calibration
-) -> dict[str, Estimate]:
-    """A marked point as the settings ``<name>_x`` and ``<name>_z``."""
-    marked = Track(
-        t_s=body.t_s[:1],
-        xy_px=np.array([point_px]),
-        sigma_px=np.full((1, 2), MARK_SIGMA_PX),
-        valid=np.ones(1, dtype=np.bool_),
-        frame=body.frame[:1],
-    )
-    world = to_world(marked, calibration)
-    source = f"marked at {point_px[0]:g}, {point_px[1]:g} px"
-    return {
-        f"{name}_{axis}": Estimate(
-            float(world.position[0, k]), float(world.sigma[0, k]), calibration.unit, "direct", source
+    found = {}
+    for name, point_px in marks_px.items():
+        marked = Track(
+            t_s=body.t_s[:1],
+            xy_px=np.array([point_px]),
+            sigma_px=np.full((1, 2), MARK_SIGMA_PX),
+            valid=np.ones(1, dtype=np.bool_),
+            frame=body.frame[:1],
         )
-        for k, axis in enumerate("xz")
-    }
+        world = to_world(marked, calibration)
+        source = f"marked at {point_px[0]:g}, {point_px[1]:g} px"
+        for k, axis in enumerate("xz"):
+            value, stderr = float(world.position[0, k]), float(world.sigma[0, k])
+            found[f"{name}_{axis}"] = Estimate(value, stderr, calibration.unit, "direct", source)
+    return found

@@ -7,6 +7,7 @@ from functools import partial
 
 import numpy as np
 
+from fitters.models._reading import shifted
 from fitters.starting_values import samples, start_of, weak_regression
 from iris_sysid.types import Array, OdeModel, Parameter, Quantity, Trajectory
 
@@ -25,14 +26,6 @@ def energy(states: Array, params: Array) -> Array:
     """
     position, velocity = states.T
     return np.asarray(velocity**2 / 2 + params[0] * position**2 / 2)
-
-
-def observe(t_s: Array, states: Array, params: Array) -> Array:
-    """Give what swings as counted from another place than that of rest.
-
-    ``t_s`` (n,), s; ``states`` (n, s) and what is observed (n, d) in the units that the model declares.
-    """
-    return states[:, :1] + params[2]
 
 
 def guess(position: str, velocity: str, trajectory: Trajectory) -> Mapping[str, float]:
@@ -97,7 +90,7 @@ def linear_oscillator(name: str, summary: str, position: Quantity, velocity: Qua
         ),
         observed=(position,),
         rhs=rhs,
-        observe=observe,
+        observe=partial(shifted, 1, 2),
         guess=partial(guess, position.name, velocity.name),
         first_integral=energy,
         dissipative=("damping",),

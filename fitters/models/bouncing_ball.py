@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 
 from fitters.models._gravity import GRAVITY, MAGNIFICATION
 from fitters.models._impacts import bounces
+from fitters.models._reading import magnified
 from fitters.starting_values import samples
-from iris_sysid.types import Array, Event, ModelExample, OdeModel, Parameter, Quantity, Trajectory
+from iris_sysid.types import Event, ModelExample, OdeModel, Parameter, Quantity, Trajectory
 
 SETTLING_S = 1e-4  # of fall make a rebound so slow that the ball stays on the floor: it would rise by 50 nm
 
@@ -36,14 +38,6 @@ def bounce(t: float, state: tuple[float, ...], params: tuple[float, ...]) -> tup
     return state[0], up, 0.0
 
 
-def observe(t_s: Array, states: Array, params: Array) -> Array:
-    """The height as the scale shows it.
-
-    ``t_s`` (n,), s; ``states`` (n, s) and what is observed (n, d) in the units that the model declares.
-    """
-    return states[:, :1] * params[4]
-
-
 def guess(trajectory: Trajectory) -> Mapping[str, float]:
     """Take the floor where the height is least, and the restitution from the heights of successive flights."""
     return bounces(*samples(trajectory, "z"))[0]
@@ -68,7 +62,7 @@ MODEL = OdeModel(
     observed=(Quantity("z", "m", "z"),),
     rhs=rhs,
     guess=guess,
-    observe=observe,
+    observe=partial(magnified, 1, 4),
     events=(Event("impact", height, bounce),),
     typical="restitution by the rules of the sport: table-tennis ball 0.89 to 0.92, tennis ball 0.73 to 0.76",
     example=ModelExample({"restitution": 0.8, "floor": 0.03, "z_0": 1.0, "vz_0": -0.2}, samples=400, rate_hz=100.0),

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 
 import numpy as np
 
 from fitters.models._oscillator import rest_position
+from fitters.models._reading import shifted
 from fitters.starting_values import samples, start_of, weak_regression
 from iris_sysid.types import Array, ModelExample, OdeModel, Parameter, Quantity, Trajectory
 
@@ -23,14 +25,6 @@ def rhs(
         -damping_1 * v_1 - stiffness_1 * z_1 - coupling_1 * (z_1 - z_2),
         -damping_2 * v_2 - stiffness_2 * z_2 - coupling_2 * (z_2 - z_1),
     )
-
-
-def observe(t_s: Array, states: Array, params: Array) -> Array:
-    """Give the positions as counted from another place than those of rest.
-
-    ``t_s`` (n,), s; ``states`` (n, s) and what is observed (n, d) in the units that the model declares.
-    """
-    return states[:, :2] + params[6:8]
 
 
 def guess(trajectory: Trajectory) -> Mapping[str, float]:
@@ -103,7 +97,7 @@ MODEL = OdeModel(
     ),
     observed=(Quantity("z1", "m", "z_1"), Quantity("z2", "m", "z_2")),
     rhs=rhs,
-    observe=observe,
+    observe=partial(shifted, 2, 6),
     guess=guess,
     first_integral=energy,
     dissipative=("damping_1", "damping_2"),

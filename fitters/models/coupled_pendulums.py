@@ -9,7 +9,7 @@ import numpy as np
 from fitters.models._gravity import GRAVITY, STANDARD_GRAVITY
 from fitters.models._pendulum import PAIR_STATES
 from fitters.starting_values import samples, start_of, weak_regression
-from iris_sysid.types import Array, ModelExample, OdeModel, Parameter, Quantity, Trajectory
+from iris_sysid.types import Array, ModelExample, OdeModel, Parameter, Trajectory
 
 
 def rhs(
@@ -70,7 +70,7 @@ MODEL = OdeModel(
         Parameter("coupling", "1/s^2", r"\kappa", lower=-1e4, upper=1e6, default=0.0),
         GRAVITY,
     ),
-    observed=(Quantity("theta1", "rad", r"\theta_1"), Quantity("theta2", "rad", r"\theta_2")),
+    observed=PAIR_STATES[:2],
     rhs=rhs,
     guess=guess,
     first_integral=energy,

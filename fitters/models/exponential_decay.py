@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 
 import numpy as np
 
+from fitters.models._reading import shifted
 from fitters.starting_values import samples, start_of, weak_regression
-from iris_sysid.types import Array, ModelExample, OdeModel, Parameter, Quantity, Trajectory
+from iris_sysid.types import ModelExample, OdeModel, Parameter, Quantity, Trajectory
 
 
 def rhs(t: float, state: tuple[float], params: tuple[float, float]) -> tuple[float]:
@@ -15,14 +17,6 @@ def rhs(t: float, state: tuple[float], params: tuple[float, float]) -> tuple[flo
     (intensity,) = state
     decay_rate, _ = params
     return (-decay_rate * intensity,)
-
-
-def observe(t_s: Array, states: Array, params: Array) -> Array:
-    """Give the intensity with what stays when all has decayed.
-
-    ``t_s`` (n,), s; ``states`` (n, s) and what is observed (n, d) in the units that the model declares.
-    """
-    return states + params[1]
 
 
 def guess(trajectory: Trajectory) -> Mapping[str, float]:
@@ -55,7 +49,7 @@ MODEL = OdeModel(
     observed=(Quantity("intensity", "1", "I"),),
     rhs=rhs,
     guess=guess,
-    observe=observe,
+    observe=partial(shifted, 1, 1),
     typical="a capacitor of 100 µF through 10 kΩ: 1 1/s",
     example=ModelExample({"decay_rate": 0.9, "intensity_0": 1.0}, samples=600, rate_hz=200.0),
 )

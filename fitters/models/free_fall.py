@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from fitters.models._gravity import GRAVITY, MAGNIFICATION
+from fitters.models._reading import magnified
 from fitters.starting_values import parabola, samples
 from iris_sysid.types import Array, ModelExample, OdeModel, Quantity, Trajectory
 
@@ -17,14 +19,6 @@ def rhs(t: float, state: tuple[float, float], params: tuple[float, float]) -> tu
     _, vz = state
     gravity, _ = params
     return vz, -gravity
-
-
-def observe(t_s: Array, states: Array, params: Array) -> Array:
-    """The height as the scale shows it.
-
-    ``t_s`` (n,), s; ``states`` (n, s) and what is observed (n, d) in the units that the model declares.
-    """
-    return states[:, :1] * params[1]
 
 
 def guess(trajectory: Trajectory) -> Mapping[str, float]:
@@ -54,7 +48,7 @@ MODEL = OdeModel(
     observed=(Quantity("z", "m", "z"),),
     rhs=rhs,
     guess=guess,
-    observe=observe,
+    observe=partial(magnified, 1, 1),
     first_integral=energy,
     typical="g on the ground: 9.76 to 9.83 m/s^2; on the Moon 1.62 m/s^2",
     example=ModelExample({"gravity": 9.79, "z_0": 1.5, "vz_0": -0.3}, samples=300, rate_hz=500.0),

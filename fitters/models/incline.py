@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import partial
 
 import numpy as np
 
 from fitters.models._gravity import GRAVITY, MAGNIFICATION
+from fitters.models._reading import magnified
 from fitters.starting_values import parabola, samples
 from iris_sysid.types import Array, ModelExample, OdeModel, Parameter, Quantity, Trajectory
 
@@ -17,14 +19,6 @@ def rhs(t: float, state: tuple[float, float], params: tuple[float, float, float,
     _, velocity = state
     acceleration, _, _, _ = params
     return velocity, acceleration
-
-
-def observe(t_s: Array, states: Array, params: Array) -> Array:
-    """The way along the board as the scale shows it.
-
-    ``t_s`` (n,), s; ``states`` (n, s) and what is observed (n, d) in the units that the model declares.
-    """
-    return states[:, :1] * params[3]
 
 
 def guess(trajectory: Trajectory) -> Mapping[str, float]:
@@ -64,7 +58,7 @@ MODEL = OdeModel(
     observed=(Quantity("s", "m", "s"),),
     rhs=rhs,
     guess=guess,
-    observe=observe,
+    observe=partial(magnified, 1, 3),
     derived=(Quantity("friction", "1", r"\mu"),),
     derive=friction,
     first_integral=energy,

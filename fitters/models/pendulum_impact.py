@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 
 import numpy as np
 from numba.extending import register_jitable
@@ -12,8 +13,9 @@ from numba.extending import register_jitable
 from fitters.models._gravity import GRAVITY, STANDARD_GRAVITY
 from fitters.models._impacts import between_contacts, pieces_regression
 from fitters.models._pendulum import PAIR_STATES
+from fitters.models._reading import shifted
 from fitters.starting_values import samples, start_of
-from iris_sysid.types import Array, Event, ModelExample, OdeModel, Parameter, Quantity, Trajectory
+from iris_sysid.types import Event, ModelExample, OdeModel, Parameter, Quantity, Trajectory
 
 SETTLING_S = 1e-4  # of fall make a rebound too slow to part them: they stay together until they are pulled apart
 
@@ -107,14 +109,6 @@ def part(t: float, state: tuple[float, ...], params: tuple[float, ...]) -> tuple
     return state[0], state[1], state[2], state[3], 0.0
 
 
-def observe(t_s: Array, states: Array, params: Array) -> Array:
-    """Give each angle as measured from what is taken for the vertical.
-
-    ``t_s`` (n,), s; ``states`` (n, s) and what is observed (n, d) in the units that the model declares.
-    """
-    return states[:, :2] + params[9:11]
-
-
 def guess(trajectory: Trajectory) -> Mapping[str, float]:
     """Take each pendulum between the contacts alone; the contacts are where the angles come nearest."""
     t_s, theta_1 = samples(trajectory, "theta1")
@@ -180,10 +174,10 @@ MODEL = OdeModel(
         _vertical(1),
         _vertical(2),
     ),
-    observed=(Quantity("theta1", "rad", r"\theta_1"), Quantity("theta2", "rad", r"\theta_2")),
+    observed=PAIR_STATES[:2],
     rhs=rhs,
     guess=guess,
-    observe=observe,
+    observe=partial(shifted, 2, 9),
     derived=(Quantity("contact_distance", "m", "r_1 + r_2"),),
     derive=distance,
     events=(Event("impact", gap, bounce), Event("parting", hold, part)),

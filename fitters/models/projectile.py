@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import partial
 
 import numpy as np
 
 from fitters.models._gravity import GRAVITY, MAGNIFICATION
+from fitters.models._reading import PLANE, PLANE_STATES, magnified
 from fitters.starting_values import line, parabola, samples
 from iris_sysid.types import Array, ModelExample, OdeModel, Parameter, Quantity, Trajectory
 
@@ -19,14 +21,6 @@ def rhs(
     _, _, vx, vz = state
     gravity, _, _ = params
     return vx, vz, 0.0, -gravity
-
-
-def observe(t_s: Array, states: Array, params: Array) -> Array:
-    """The position as the scale shows it.
-
-    ``t_s`` (n,), s; ``states`` (n, s) and what is observed (n, d) in the units that the model declares.
-    """
-    return states[:, :2] * params[1]
 
 
 def guess(trajectory: Trajectory) -> Mapping[str, float]:
@@ -65,21 +59,16 @@ MODEL = OdeModel(
     summary="a thrown body without drag, in the plane, with the speed and angle of its launch",
     equation=r"\ddot x = 0,\quad \ddot z = -g",
     source="Galilei (1638), Discorsi, fourth day; Halliday, Resnick and Walker, Fundamentals of Physics, section 4-4",
-    states=(
-        Quantity("x", "m", "x"),
-        Quantity("z", "m", "z"),
-        Quantity("vx", "m/s", "v_x"),
-        Quantity("vz", "m/s", "v_z"),
-    ),
+    states=PLANE_STATES,
     parameters=(
         GRAVITY,
         MAGNIFICATION,
         Parameter("launch_z", "m", "z_l", constant=True, source="not known: the launch is the first sample used"),
     ),
-    observed=(Quantity("x", "m", "x"), Quantity("z", "m", "z")),
+    observed=PLANE,
     rhs=rhs,
     guess=guess,
-    observe=observe,
+    observe=partial(magnified, 2, 1),
     derived=(Quantity("launch_speed", "m/s", "v_0"), Quantity("launch_angle", "rad", r"\varphi_0")),
     derive=launch,
     first_integral=energy,

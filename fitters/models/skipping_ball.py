@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import partial
 
 import numpy as np
 
 from fitters.models._gravity import GRAVITY, MAGNIFICATION
 from fitters.models._impacts import bounces
+from fitters.models._reading import PLANE, PLANE_STATES, magnified
 from fitters.starting_values import line, samples
-from iris_sysid.types import Array, Event, ModelExample, OdeModel, Parameter, Quantity, Trajectory
+from iris_sysid.types import Event, ModelExample, OdeModel, Parameter, Quantity, Trajectory
 
 SETTLING_S = 1e-4  # of fall make a rebound so slow that the ball stays on the floor: it would rise by 50 nm
 
@@ -47,14 +49,6 @@ def bounce(t: float, state: tuple[float, ...], params: tuple[float, ...]) -> Six
     return x, z, vx + along, 0.0 if settles else -restitution * vz, rim - along / inertia, 1.0 if settles else 0.0
 
 
-def observe(t_s: Array, states: Array, params: Array) -> Array:
-    """The position as the scale shows it.
-
-    ``t_s`` (n,), s; ``states`` (n, s) and what is observed (n, d) in the units that the model declares.
-    """
-    return states[:, :2] * params[5]
-
-
 def guess(trajectory: Trajectory) -> Mapping[str, float]:
     """As of a ball that bounces; the speed that the first bounce costs along the floor gives the friction.
 
@@ -80,13 +74,7 @@ MODEL = OdeModel(
         r"\text{ where } z = z_f"
     ),
     source="Garwin (1969), Am. J. Phys. 37, 88; Cross (2002), Am. J. Phys. 70, 1093",
-    states=(
-        Quantity("x", "m", "x"),
-        Quantity("z", "m", "z"),
-        Quantity("vx", "m/s", "v_x"),
-        Quantity("vz", "m/s", "v_z"),
-        Quantity("rim", "m/s", r"R\omega"),
-    ),
+    states=(*PLANE_STATES, Quantity("rim", "m/s", r"R\omega")),
     parameters=(
         Parameter("restitution", "1", "e", lower=0.0, upper=1.5, default=0.8),
         Parameter("friction", "1", r"\mu", lower=0.0, upper=10.0, default=0.1),
@@ -98,10 +86,10 @@ MODEL = OdeModel(
         GRAVITY,
         MAGNIFICATION,
     ),
-    observed=(Quantity("x", "m", "x"), Quantity("z", "m", "z")),
+    observed=PLANE,
     rhs=rhs,
     guess=guess,
-    observe=observe,
+    observe=partial(magnified, 2, 5),
     events=(Event("impact", height, bounce),),
     typical="restitution: 0.5 to 0.9; friction: 0.1 to 0.5; inertia: 0.4 of a solid ball, 0.67 of a hollow one",
     example=ModelExample(

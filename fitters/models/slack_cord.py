@@ -7,8 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from fitters.models._gravity import GRAVITY
+from fitters.models._reading import PLANE, PLANE_STATES
 from fitters.starting_values import samples, start_of
-from iris_sysid.types import Event, ModelExample, OdeModel, Parameter, Quantity, Trajectory
+from iris_sysid.types import Event, ModelExample, OdeModel, Parameter, Trajectory
 
 TAUT = 1.0  # mode; 0 is slack
 SLACK_BELOW = 0.97  # of the length from the pivot: nearer, the cord is surely slack
@@ -90,12 +91,7 @@ MODEL = OdeModel(
         r"\quad \dot r^+ = -e\,\dot r^- \text{ where } |\mathbf{r}| = L"
     ),
     source="Moreau (1988), Unilateral contact and dry friction, section 2, for the inextensible cord",
-    states=(
-        Quantity("x", "m", "x"),
-        Quantity("z", "m", "z"),
-        Quantity("vx", "m/s", "v_x"),
-        Quantity("vz", "m/s", "v_z"),
-    ),
+    states=PLANE_STATES,
     parameters=(
         Parameter("length", "m", "L", lower=1e-3, upper=1e5),
         Parameter(
@@ -107,7 +103,7 @@ MODEL = OdeModel(
         Parameter("damping", "1/s", r"\zeta", lower=-2.0, upper=50.0, default=0.0, role="damping"),
         GRAVITY,
     ),
-    observed=(Quantity("x", "m", "x"), Quantity("z", "m", "z")),
+    observed=PLANE,
     rhs=rhs,
     guess=guess,
     events=(Event("taut", slackness, jerk), Event("slack", tension, slacken)),

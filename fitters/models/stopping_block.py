@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import partial
 
 import numpy as np
 
 from fitters.models._gravity import GRAVITY, MAGNIFICATION
+from fitters.models._reading import magnified
 from fitters.starting_values import samples, start_of
-from iris_sysid.types import Array, Event, ModelExample, OdeModel, Parameter, Quantity, Trajectory
+from iris_sysid.types import Event, ModelExample, OdeModel, Parameter, Quantity, Trajectory
 
 # Modes: what the friction does.
 AGAINST, ALONG, STUCK = 0.0, 1.0, 2.0  # brakes a motion along s, brakes one against s, holds
@@ -42,14 +44,6 @@ def stop(t: float, state: tuple[float, ...], params: tuple[float, ...]) -> tuple
     return s, 0.0, AGAINST if pull > 0 else ALONG
 
 
-def observe(t_s: Array, states: Array, params: Array) -> Array:
-    """The way as the scale shows it.
-
-    ``t_s`` (n,), s; ``states`` (n, s) and what is observed (n, d) in the units that the model declares.
-    """
-    return states[:, :1] * params[3]
-
-
 def guess(trajectory: Trajectory) -> Mapping[str, float]:
     """A parabola through the part that moves: all of its deceleration is friction."""
     t_s, way = samples(trajectory, "s")
@@ -79,7 +73,7 @@ MODEL = OdeModel(
     observed=(Quantity("s", "m", "s"),),
     rhs=rhs,
     guess=guess,
-    observe=observe,
+    observe=partial(magnified, 1, 3),
     derived=(Quantity("friction_coefficient", "1", r"\mu"),),
     derive=coefficient,
     events=(Event("stop", speed, stop),),

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 
 import numpy as np
 
+from fitters.models._reading import shifted
 from fitters.starting_values import samples, start_of, weak_regression
-from iris_sysid.types import Array, ModelExample, OdeModel, Parameter, Quantity, Trajectory
+from iris_sysid.types import ModelExample, OdeModel, Parameter, Quantity, Trajectory
 
 
 def rhs(t: float, state: tuple[float], params: tuple[float, float]) -> tuple[float]:
@@ -15,14 +17,6 @@ def rhs(t: float, state: tuple[float], params: tuple[float, float]) -> tuple[flo
     (level,) = state
     outflow, _ = params
     return (-outflow * np.sqrt(max(level, 0.0)),)
-
-
-def observe(t_s: Array, states: Array, params: Array) -> Array:
-    """Give the level as counted from another height than that of the hole.
-
-    ``t_s`` (n,), s; ``states`` (n, s) and what is observed (n, d) in the units that the model declares.
-    """
-    return states + params[1]
 
 
 def guess(trajectory: Trajectory) -> Mapping[str, float]:
@@ -57,7 +51,7 @@ MODEL = OdeModel(
     observed=(Quantity("h", "m", "h"),),
     rhs=rhs,
     guess=guess,
-    observe=observe,
+    observe=partial(shifted, 1, 1),
     typical="a hole of 5 mm in a cylinder of 100 mm: 0.0066 m^0.5/s",
     example=ModelExample({"outflow": 0.02, "h_0": 0.25}, samples=600, rate_hz=20.0),
 )

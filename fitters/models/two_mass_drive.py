@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from fitters.models._inputs import gain, multisine, pushed
+from fitters.models._pendulum import PAIR_STATES
 from iris_sysid.types import ModelExample, OdeModel, Parameter, Quantity, Trajectory
 
 
@@ -37,12 +38,7 @@ MODEL = OdeModel(
     equation=r"J_1\ddot\theta_1 = k_u u - c\,\dot\theta_1 - \tau,\quad J_2\ddot\theta_2 = \tau,\quad "
     r"\tau = k(\theta_1 - \theta_2) + d(\dot\theta_1 - \dot\theta_2)",
     source="Newton and Hooke; Isermann and Muenchhof (2011), Identification of Dynamic Systems, section 22.2",
-    states=(
-        Quantity("theta1", "rad", r"\theta_1"),
-        Quantity("theta2", "rad", r"\theta_2"),
-        Quantity("omega1", "rad/s", r"\omega_1"),
-        Quantity("omega2", "rad/s", r"\omega_2"),
-    ),
+    states=PAIR_STATES,
     parameters=(
         Parameter("motor_inertia", "kg m^2", "J_1", lower=0.0),
         Parameter("load_inertia", "kg m^2", "J_2", lower=0.0),
@@ -51,7 +47,7 @@ MODEL = OdeModel(
         Parameter("damping", "N m s", "c", role="damping"),
         gain("N m"),
     ),
-    observed=(Quantity("theta1", "rad", r"\theta_1"),),
+    observed=PAIR_STATES[:1],
     rhs=rhs,
     guess=guess,
     inputs=(Quantity("u", "N m", "u"),),

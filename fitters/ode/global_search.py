@@ -21,6 +21,7 @@ FOLLOWS = 0.3  # a solution follows the data while its error is below this fract
 GROWTH = (1.3, 8.0)  # least and largest growth of the horizon
 EXPLAINED_NOISE, EXPLAINED_MOTION = 3.0, 0.1  # residual below 3 times the noise, or 10 % of the motion
 MIN_SAMPLES, MAX_STRIDE = 500, 8  # samples for a rough fit; at 60 Hz, 8 frames are still one step of the integrator
+SEED = 0  # the same starts each time
 SAME = 1e-3  # relative difference of the rms of one and the same minimum
 DRAWS, DECADES, SCREENED = 256, 3.0, 4  # random values tried without a fit, their range about a start, and those fitted
 
@@ -174,7 +175,7 @@ def is_lost(solution: Solution, target: Target, unknowns: Unknowns) -> bool:
     return bool(determination(np.clip(flat, -MAX_RESIDUAL, MAX_RESIDUAL)).undetermined.any())
 
 
-def scattered_starts(unknowns: Unknowns, values: Array, target: Target, count: int, seed: int = 0) -> Iterator[Array]:
+def scattered_starts(unknowns: Unknowns, values: Array, target: Target, count: int) -> Iterator[Array]:
     """Random starts about a given one: parameters within a factor of about 2, initial states within the motion's size.
 
     Parameters
@@ -187,10 +188,8 @@ def scattered_starts(unknowns: Unknowns, values: Array, target: Target, count: i
         Gives the size of the motion.
     count
         Number of starts.
-    seed
-        Same seed, same starts.
     """
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(SEED)
     size = float(np.mean(target.size))
     for _ in range(count):
         scattered = values.copy()
@@ -201,9 +200,7 @@ def scattered_starts(unknowns: Unknowns, values: Array, target: Target, count: i
         yield unknowns.inside(scattered)
 
 
-def screened_starts(
-    problem: InitialValueProblem, target: Target, unknowns: Unknowns, values: Array, seed: int = 0
-) -> Iterator[Array]:
+def screened_starts(problem: InitialValueProblem, target: Target, unknowns: Unknowns, values: Array) -> Iterator[Array]:
     """Starts (p + s,) over several decades and both signs that follow the data best without a fit.
 
     Half of them are chosen by the first horizon, half by all samples.
@@ -214,10 +211,8 @@ def screened_starts(
         As for :func:`minimise`.
     values
         (p + s,) the start to draw about; each value of a draw is its own with a probability of one in three.
-    seed
-        Same seed, same starts.
     """
-    columns = _drawn(unknowns, values, float(np.mean(target.size)), np.random.default_rng(seed))
+    columns = _drawn(unknowns, values, float(np.mean(target.size)), np.random.default_rng(SEED))
     horizon = first_horizon(target, unknowns.which.size)
     with np.errstate(all="ignore"):
         error = np.abs(target.observed[:, :, None] - problem.predictions(columns)) / target.size[:, None]

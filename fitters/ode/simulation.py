@@ -171,7 +171,8 @@ def problem_at(
     times = increasing_times(t_s)
     relaxed = dict.fromkeys(model.initial_names[len(model.own_states) :], 0.0)
     given = relaxed | {p.name: p.default for p in model.parameters if p.default is not None} | dict(values)
-    missing = [name for name in value_names(model) if name not in given and not _is_constant(model, name)]
+    constants = {parameter.name for parameter in model.parameters if parameter.constant}
+    missing = [name for name in value_names(model) if name not in given and name not in constants]
     if missing:
         raise FitError(f"model {model.name!r} needs a value for {', '.join(missing)}")
     known = None
@@ -179,10 +180,6 @@ def problem_at(
         known = frozen_array([] if inputs is None else inputs, (times.size, len(model.inputs)), "inputs")
     vector = np.array([float(given.get(name, np.nan)) for name in value_names(model)])
     return initial_value_problem(model, times, known, hold), vector
-
-
-def _is_constant(model: OdeModel, name: str) -> bool:
-    return any(parameter.name == name and parameter.constant for parameter in model.parameters)
 
 
 def predicted_by(

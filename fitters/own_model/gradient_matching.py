@@ -24,6 +24,7 @@ SHARES = (0.02, 0.06, 0.15)  # half widths of the local cubics, as fractions of 
 MIN_SAMPLES = 4  # samples in half a width
 DRAWS, REFINED, EVALUATIONS = 200, 3, 60  # random values, those improved, and evaluations for each of them
 DECADES = 3.0
+SEED = 0  # the same starts each time
 Residual = Callable[[Array], Array]
 MAX_RESIDUAL = 1e6  # of a residual, in standard deviations of the rate
 
@@ -39,7 +40,7 @@ class _Smoothed:
 
 
 def matched_starts(
-    problem: InitialValueProblem, t_s: Array, observed: Array, unknowns: Unknowns, values: Array, seed: int = 0
+    problem: InitialValueProblem, t_s: Array, observed: Array, unknowns: Unknowns, values: Array
 ) -> Iterator[Array]:
     """Full vectors of values (p + s,) by gradient matching, one for each width of smoothing; none where it cannot be.
 
@@ -53,8 +54,6 @@ def matched_starts(
         The free values and their bounds.
     values
         (p + s,) values held, and those to start from.
-    seed
-        Same seed, same starts.
     """
     model = problem.model
     names = [quantity.name for quantity in model.observed]
@@ -70,7 +69,7 @@ def matched_starts(
     for share in SHARES:
         smoothed = _smoothed(problem, t_s, observed[:, columns], share)
         try:
-            yield _matched(smoothed, unknowns, values, np.random.default_rng(seed))
+            yield _matched(smoothed, unknowns, values, np.random.default_rng(SEED))
         except (FitError, ArithmeticError, ValueError, SystemError):
             return  # the fit itself says what is wrong with the function
 

@@ -28,7 +28,7 @@ def model_of(library: Library, names: Sequence[str] | None = None) -> OdeModel:
     terms = tuple(term for term in library.terms if names is None or term.parameter.name in names)
     sizes = tuple(variable.kind == "size" for variable in variables)
     pushed = any(term.pushed for term in terms)
-    spec = _spec(library, terms)
+    spec = tuple((term.equation, term.code, term.other) for term in terms)
     return bare_model(
         variables,
         rhs=_rhs(len(variables), variables[0].order, spec, library.partner, library.turnover, pushed),
@@ -44,10 +44,6 @@ def equation_latex(library: Library, equation: int, terms: Sequence[Term]) -> st
     variable = library.variables[equation]
     parts = [rf"{term.parameter.symbol}\,{term.latex}" for term in terms if term.equation == equation]
     return f"{variable.left_latex} = {' + '.join(parts) or '0'}"
-
-
-def _spec(library: Library, terms: tuple[Term, ...]) -> tuple[tuple[int, int, int], ...]:
-    return tuple((term.equation, term.code, term.other) for term in terms)
 
 
 @picklable

@@ -22,6 +22,7 @@ from iris_sysid.types import NORMAL_975, Array, DiscoveredTerm, Estimate, FitRes
 # Powers of position and rate up to third order, without linear drag and cubic stiffness, which are named effects.
 POWERS = ((1, 0), (2, 0), (1, 1), (0, 2), (2, 1), (1, 2), (0, 3))
 LEVEL_POWERS = (0.5, 1.0, 2.0)  # powers of the level, for equations of first order
+RESAMPLED, SEED = 50, 0  # number of resampled data sets, the same each time
 HIDDEN = 1e-3  # fraction of a candidate's response: a smaller remainder after projection is rounding
 
 
@@ -48,9 +49,7 @@ class _Candidate:
         return " ".join(symbol if power == 1 else f"{symbol}^{power:g}" for symbol, power in powers if power)
 
 
-def proposals(
-    trajectories: Sequence[Trajectory], fits: Sequence[FitResult], *, resampled: int = 50, seed: int = 0
-) -> tuple[DiscoveredTerm, ...]:
+def proposals(trajectories: Sequence[Trajectory], fits: Sequence[FitResult]) -> tuple[DiscoveredTerm, ...]:
     """Terms that the residual of fits requires, each chosen in at least half of the resampled data sets.
 
     Parameters
@@ -59,10 +58,6 @@ def proposals(
         The clips.
     fits
         Fits of the same model, one a clip; their parameters stay free.
-    resampled
-        Number of resampled data sets.
-    seed
-        Seed of the resampling.
 
     Returns
     -------
@@ -79,7 +74,7 @@ def proposals(
     chosen, price = called_for(rows, len(candidates))
     if not chosen:
         return ()
-    shares = share_called_for(rows, len(candidates), price, np.random.default_rng(seed), resampled)
+    shares = share_called_for(rows, len(candidates), price, np.random.default_rng(SEED), RESAMPLED)
     kept = tuple(k for k in chosen if shares[k] >= STABLE)
     values, covariance = together([part for clip in rows for part in clip]).without(len(candidates)).solved(kept)
     terms = zip(kept, values.tolist(), np.sqrt(np.diag(covariance)).tolist(), strict=True)

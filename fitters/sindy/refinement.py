@@ -23,6 +23,7 @@ from iris_sysid.types import Array, FitResult, OdeModel, Trajectory
 BLOCKS = 24  # largest number of blocks of a clip, for resampling
 MIN_IN_BLOCK = 4
 ROUNDS = 8
+FOLDS = 5  # parts of every clip, to hold out
 MAX_CORRELATION = 0.98
 
 
@@ -293,11 +294,11 @@ def price_about(found: Refined) -> float:
     return max(predictive_price([together(group) for group in folds_of(found.parts)], found.terms), found.least_seen)
 
 
-def folds_of(parts: Sequence[Sequence[Compressed]], folds: int = 5) -> list[list[Compressed]]:
+def folds_of(parts: Sequence[Sequence[Compressed]]) -> list[list[Compressed]]:
     """Contiguous blocks of every clip, in groups to hold out."""
-    groups: list[list[Compressed]] = [[] for _ in range(folds)]
+    groups: list[list[Compressed]] = [[] for _ in range(FOLDS)]
     for clip in parts:
-        for k, group in enumerate(np.array_split(np.arange(len(clip)), folds)):
+        for k, group in enumerate(np.array_split(np.arange(len(clip)), FOLDS)):
             groups[k] += [clip[j] for j in group]
     return [group for group in groups if group]
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,8 @@ from typing import Any
 import pandas as pd
 
 from iris_sysid.benchmark.dataset_rows import DatasetRows
-from iris_sysid.benchmark.sources.inputs import given_rows, hashes
+from iris_sysid.benchmark.sources.latent import DAMAGED, latent_rows, read_latent_runs, unread_rows
+from iris_sysid.benchmark.sources.predictions import prediction_rows
 from iris_sysid.benchmark.sources.rows import joined, read_rows
 from iris_sysid.benchmark.tables.pages import check_pages, write_pages
 from iris_sysid.errors import DataError
@@ -85,8 +86,31 @@ def rows_of(inputs: Inputs) -> tuple[pd.DataFrame, list[str]]:
     """All flat rows (of the data set, earlier ones, of the files), and one line per gap."""
     earlier = [] if inputs.rows is None else [read_rows(inputs.rows)]
     measured = [] if inputs.dataset is None else [inputs.dataset.rows]
-    given, gaps = given_rows(inputs.latent, inputs.predictions)
+    given, gaps = _given_rows(inputs.latent, inputs.predictions)
     return joined([*measured, *earlier, given]), [*(inputs.dataset.gaps if inputs.dataset else ()), *gaps]
+
+
+def _given_rows(latent: Mapping[str, Path], predictions: Mapping[str, Path]) -> tuple[pd.DataFrame, list[str]]:
+    """The flat rows of all files by name, and one line per damaged or repeated run."""
+    frames, gaps = [], []
+    for name, path in latent.items():
+        runs = read_latent_runs(path)
+        frames += [latent_rows(runs, name, source=path.name), unread_rows(runs, name, source=path.name)]
+        gaps += list(_remarks(path.name, runs))
+    frames += [prediction_rows(path, name, source=path.name) for name, path in predictions.items()]
+    return joined(frames), gaps
+
+
+def _remarks(name: str, runs: pd.DataFrame) -> Iterator[str]:
+    for row in runs[runs["status"] == DAMAGED].to_dict("records"):
+        yield f"{name} line {row['line']}: {row['message']}"
+    for row in runs[runs["duplicate_of"].notna()].to_dict("records"):
+        yield f"{name} line {row['line']} repeats line {row['duplicate_of']}"
+
+
+def _hashes(files: Mapping[str, Path]) -> list[dict[str, Any]]:
+    """Name, file name and sha256 of each file."""
+    return [{"name": name, "file": path.name, "sha256": sha256_of(path)} for name, path in files.items()]
 
 
 def manifest_of(inputs: Inputs, rows: pd.DataFrame, options: Mapping[str, Any]) -> dict[str, Any]:
@@ -105,8 +129,8 @@ def manifest_of(inputs: Inputs, rows: pd.DataFrame, options: Mapping[str, Any]) 
         "document": DOCUMENT,
         "version": 1,
         "clips": dict(inputs.dataset.clips) if inputs.dataset else {},
-        "latent": hashes(inputs.latent),
-        "predictions": hashes(inputs.predictions),
+        "latent": _hashes(inputs.latent),
+        "predictions": _hashes(inputs.predictions),
         "rows": None if inputs.rows is None else {"file": inputs.rows.name, "sha256": sha256_of(inputs.rows)},
         "splits": splits_of(rows),
         "seeds": sorted({int(seed) for seed in rows["seed"].dropna()}),

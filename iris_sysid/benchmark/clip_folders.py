@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 from iris_sysid.benchmark.dataset import benchmark_classes
@@ -30,7 +30,8 @@ def tables_in(path: Path) -> list[Path]:
     """
     if not path.is_dir():
         return [path]
-    own = [path / TRAJECTORY] if (path / TRAJECTORY).is_file() else sorted(_tables(path))
+    named = sorted(table for table in path.glob("*.csv") if table.is_file() and table.name != TRACK)
+    own = [path / TRAJECTORY] if (path / TRAJECTORY).is_file() else named
     tables = own or sorted(folder / TRAJECTORY for folder in path.iterdir() if (folder / TRAJECTORY).is_file())
     if not tables:
         raise DataError(
@@ -38,10 +39,6 @@ def tables_in(path: Path) -> list[Path]:
             f"no class of a data set ({', '.join(sorted(benchmark_classes()))})"
         )
     return tables
-
-
-def _tables(path: Path) -> Iterator[Path]:
-    return (table for table in path.glob("*.csv") if table.is_file() and table.name != TRACK)
 
 
 def clips_of_dataset(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -137,7 +137,8 @@ def diagnose_each(
     check_workers(workers)
     _check_names([table.name for table in tables])
     if not (root / SUMMARY).is_file():
-        _check_outputs(root, tables, overwrite=overwrite)
+        for table in tables:
+            check_folder(root / table.name, overwrite=overwrite)
     batch = Batch(root, DiagnoseEach(prepare), _lost)
     try:
         _write_summary(root, [])
@@ -155,11 +156,6 @@ def _check_names(names: Sequence[str]) -> None:
     twice = sorted(name for name, count in Counter(names).items() if count > 1)
     if twice:
         raise DataError(f"two tables are called {twice[0]!r}, which would be one folder; rename one")
-
-
-def _check_outputs(root: Path, tables: Iterable[NamedTable], *, overwrite: bool) -> None:
-    for table in tables:
-        check_folder(root / table.name, overwrite=overwrite)
 
 
 def _is_done(folder: Path, clip: Trajectory) -> bool:

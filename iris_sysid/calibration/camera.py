@@ -37,6 +37,7 @@ LENSES = (("k1", "k2", "p1", "p2"), FULL_LENS)
 POOR_FOCAL = 0.05  # relative standard error above which the focal length counts as not determined
 POOR_CENTRE = 0.05  # of the image's width
 EXPECTED_NOISE_PX = 0.2
+CELLS = 8  # fields on a side of the image; the share of fields with a corner is the coverage
 USUAL_FOCAL = 0.8  # of the longer side: a field of view of 64 degrees
 TILT_HELP = (
     "tilt the board by 20 to 40 degrees about both axes, differently in each view, and move it over the whole image"
@@ -277,7 +278,7 @@ def _outliers(
     while len(points) - len(reasons) > max(MIN_VIEWS, (1 - MAX_LEFT_OUT) * len(points)):
         names = [name for name in points if name not in reasons]
         fit = fit_camera([points[name] for name in names], image_size, lens, square_pixels)
-        rms = np.array([_rms(residual) for residual in fit.residuals])
+        rms = np.array([rms_of(residual) for residual in fit.residuals])
         deviations = unlike(rms, 2 * min(map(len, fit.residuals)))
         worst = int(np.argmax(deviations))
         if deviations[worst] < OUTLIER_DEVIATIONS:
@@ -289,7 +290,8 @@ def _outliers(
     return reasons
 
 
-def _rms(residual: Array) -> float:
+def rms_of(residual: Array) -> float:
+    """Root mean square length of residuals (n, 2), px."""
     return float(np.sqrt(np.mean(np.sum(np.square(residual), axis=1))))
 
 
@@ -305,7 +307,7 @@ def _calibration(
         distortion=fit.parameters[4:],
         covariance=fit.covariance,
         image_size=image_size,
-        rms_px=_rms(np.concatenate(fit.residuals)),
+        rms_px=rms_of(np.concatenate(fit.residuals)),
         noise_px=fit.noise_px,
         fitted=fitted,
         views=tuple(fitted_view(fit.parameters, view, board, reasons.get(view.name, "")) for view in views),
@@ -338,7 +340,7 @@ def fitted_view(parameters: Array, view: BoardView, board: Board, left_out: str 
     points = Points(view.points_m(board), np.asarray(view.corners_px))
     pose = pose_of(parameters, points)
     residual = points.seen_px - projected(parameters, pose, points.board_m)[0]
-    return FittedView(view, residual, _rms(residual), pose[:3], pose[3:], left_out)
+    return FittedView(view, residual, rms_of(residual), pose[:3], pose[3:], left_out)
 
 
 def _notes(fit: CameraFit, image_size: tuple[int, int], coverage: float) -> tuple[str, ...]:
@@ -359,10 +361,10 @@ def _notes(fit: CameraFit, image_size: tuple[int, int], coverage: float) -> tupl
     return tuple(notes)
 
 
-def covered_part(views: Sequence[BoardView], cells: int = 8) -> float:
-    """Part of the image's ``cells`` x ``cells`` fields that hold a corner of one of the ``views``."""
+def covered_part(views: Sequence[BoardView]) -> float:
+    """Part of the image's CELLS x CELLS fields that hold a corner of one of the ``views``."""
     width, height = views[0].image_size
     corners = np.concatenate([view.corners_px for view in views])
-    column = np.clip((corners[:, 0] + 0.5) / width * cells, 0, cells - 1).astype(int)
-    row = np.clip((corners[:, 1] + 0.5) / height * cells, 0, cells - 1).astype(int)
-    return len(set(zip(column.tolist(), row.tolist(), strict=True))) / cells**2
+    column = np.clip((corners[:, 0] + 0.5) / width * CELLS, 0, CELLS - 1).astype(int)
+    row = np.clip((corners[:, 1] + 0.5) / height * CELLS, 0, CELLS - 1).astype(int)
+    return len(set(zip(column.tolist(), row.tolist(), strict=True))) / CELLS**2

@@ -9,7 +9,7 @@ import numpy as np
 
 from iris_sysid.calibration.pixel_scale import to_world
 from iris_sysid.errors import IrisError
-from iris_sysid.trajectory.consistency.gravity_scale import circle_radius
+from iris_sysid.trajectory.consistency.gravity_scale import circle_radius, relative_error
 from iris_sysid.types import Array, Calibration, Estimate, FitResult, Mask, Phenomenon, Track, Trajectory
 
 PERIOD, ARC, TILT = "period", "arc", "tilt"
@@ -113,14 +113,10 @@ def _by_the_fit(estimates: Mapping[str, Estimate]) -> dict[str, Estimate]:
     length, gravity, rest = (estimates.get(name) for name in ("length", "gravity", "vertical"))
     if length is not None and gravity is not None and length.value > 0 and gravity.value > 0:
         period = 2 * math.pi * math.sqrt(length.value / gravity.value)
-        found[PERIOD] = _shown(period, period / 2 * _relative(length), "s")
+        found[PERIOD] = _shown(period, period / 2 * relative_error(length), "s")
     if rest is not None and rest.measurement_type == "fitted":
         found[TILT] = _shown(rest.value, rest.stderr, "rad")
     return found
-
-
-def _relative(estimate: Estimate) -> float:
-    return estimate.stderr / estimate.value if math.isfinite(estimate.stderr) else 0.0
 
 
 def _of_a_flight(world: Trajectory | None, trajectory: Trajectory) -> dict[str, Estimate]:

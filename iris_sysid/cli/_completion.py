@@ -9,32 +9,31 @@ def _beginning(names: Iterable[str], incomplete: str) -> list[str]:
     return [name for name in names if name.startswith(incomplete)]
 
 
-def phenomena(incomplete: str) -> list[str]:
-    """The phenomena whose names begin so."""
-    from iris_sysid.registry import PHENOMENA
+def registered(registry: str, *others: str, ending: str = "") -> Callable[[str], list[str]]:
+    """A completion of the names in a registry of :mod:`iris_sysid.registry`, each with an ending, and of others.
 
-    return _beginning(PHENOMENA, incomplete)
+    Parameters
+    ----------
+    registry
+        Its name there.
+    *others
+        Further words.
+    ending
+        What follows each registered name.
+    """
+
+    def complete(incomplete: str) -> list[str]:
+        from iris_sysid import registry as registries
+
+        return _beginning([*(f"{name}{ending}" for name in getattr(registries, registry)), *others], incomplete)
+
+    return complete
 
 
-def models(incomplete: str) -> list[str]:
-    """The models whose names begin so, and auto."""
-    from iris_sysid.registry import MODELS
-
-    return _beginning([*MODELS, "auto"], incomplete)
-
-
-def trackers(incomplete: str) -> list[str]:
-    """The trackers whose names begin so."""
-    from iris_sysid.registry import TRACKERS
-
-    return _beginning(TRACKERS, incomplete)
-
-
-def effects(incomplete: str) -> list[str]:
-    """The effects whose names begin so, with the sign before their size."""
-    from iris_sysid.registry import EFFECTS
-
-    return _beginning((f"{name}=" for name in EFFECTS), incomplete)
+phenomena = registered("PHENOMENA")
+models = registered("MODELS", "auto")
+trackers = registered("TRACKERS")
+effects = registered("EFFECTS", ending="=")
 
 
 def scenes(incomplete: str) -> list[str]:
@@ -46,8 +45,4 @@ def scenes(incomplete: str) -> list[str]:
 
 def values(*names: str) -> Callable[[str], list[str]]:
     """A completion of a few fixed words."""
-
-    def complete(incomplete: str) -> list[str]:
-        return _beginning(names, incomplete)
-
-    return complete
+    return lambda incomplete: _beginning(names, incomplete)

@@ -112,7 +112,7 @@ def diagnose_clips(
             workers=workers,
             overwrite=force,
             progress=report_progress,
-            tell=lambda text: typer.echo(_terminal.one_line(text), err=True),
+            tell=_terminal.tell,
         )
     shown = COLUMNS if json else SHOWN
     _terminal.print_rows([{column: row[column] for column in shown} for row in rows], json, header=True)

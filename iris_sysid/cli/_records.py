@@ -126,11 +126,9 @@ def draw(validation: Validation, picture: Path | None, force: bool) -> None:
     """Draw a validation to a PNG file, where one is wanted."""
     if picture is None:
         return
-    from iris_sysid.io.files import write_atomic
-    from iris_sysid.report.page import png_of
     from iris_sysid.report.validation_figure import validation_figure
 
-    write_atomic(picture, png_of(validation_figure(validation)), overwrite=force)
+    _terminal.draw(validation_figure(validation), picture, overwrite=force)
 
 
 def tell(validation: Validation, json: bool, what: str = "validation") -> None:

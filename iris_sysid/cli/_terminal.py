@@ -19,6 +19,8 @@ import typer
 from iris_sysid.errors import DataError, FitError, IrisError, OutputError
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from iris_sysid.cli.arguments import WorkArguments
     from iris_sysid.types import FitResult, OdeModel, Track, Trajectory, Verdict
 
@@ -77,12 +79,12 @@ def read_tables(tables: Sequence[Path], columns: str | None, model: OdeModel | N
     for table in tables:
         clips.append(read_trajectory(table, stated))
         for text in clips[-1].origin.get("read_as", ()):
-            typer.echo(one_line(f"{table}: {text}"), err=True)
+            tell(f"{table}: {text}")
         if model is not None:
             clips[-1], text = model.taken_from(clips[-1])
             clips[-1], seen = from_positions(clips[-1], model)
             if text or seen:
-                typer.echo(one_line(f"{table}: {seen or text}"), err=True)
+                tell(f"{table}: {seen or text}")
             _check_observed(clips[-1], model, table)
     return clips
 
@@ -133,7 +135,7 @@ def workers_of(work: WorkArguments) -> int | str:
     with connected(scheduler) as client:
         count = len(client.nthreads())
     waiting = "" if count else "; the work begins with the first"
-    typer.echo(one_line(f"{scheduler}: {count} workers{waiting}"), err=True)
+    tell(f"{scheduler}: {count} workers{waiting}")
     return scheduler
 
 
@@ -161,6 +163,14 @@ def show_verdict(verdict: Verdict, json: bool) -> None:
 
     if not json or (verdict.word != "failed" and not (verdict.good and verdict.complete)):
         typer.echo("\n".join(map(one_line, verdict_lines(verdict))), err=json)
+
+
+def draw(figure: Figure, picture: Path, *, overwrite: bool) -> None:
+    """Write a figure as a PNG file."""
+    from iris_sysid.io.files import write_atomic
+    from iris_sysid.report.page import png_of
+
+    write_atomic(picture, png_of(figure), overwrite=overwrite)
 
 
 def suggest(*arguments: object, json: bool = False) -> None:
@@ -288,6 +298,11 @@ def one_line(text: str) -> str:
     """The text on one line, its middle left out where it is very long, with control characters shown as escapes."""
     shown = text if len(text) <= MAX_LINE else f"{text[: MAX_LINE // 2]} ... {text[-MAX_LINE // 2 :]}"
     return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in shown)
+
+
+def tell(text: str) -> None:
+    """Print a text on one line of stderr."""
+    typer.echo(one_line(text), err=True)
 
 
 def replace_unprintable() -> None:

@@ -131,5 +131,5 @@ def _rows_of(dataset: Path, work: Path, plan: RowPlan) -> DatasetRows:
             work,
             plan,
             progress=report_progress,
-            tell=lambda text: typer.echo(_terminal.one_line(text), err=True),
+            tell=_terminal.tell,
         )

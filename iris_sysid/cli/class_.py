@@ -73,7 +73,7 @@ def class_(
             output,
             workers=_terminal.workers_of(work),
             progress=report_progress,
-            tell=lambda text: typer.echo(_terminal.one_line(text), err=True),
+            tell=_terminal.tell,
         )
     measured = documents[: len(groups)]
     if not any(document.usable for document in measured):

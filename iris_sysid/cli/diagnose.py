@@ -243,7 +243,7 @@ def _measured(
                 board=direct,
                 trials=joint.trials,
                 workers=workers,
-                tell=lambda text: typer.echo(_terminal.one_line(text), err=True),
+                tell=_terminal.tell,
                 progress=report_progress,
             )
     return trajectories

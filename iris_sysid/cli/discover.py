@@ -40,7 +40,7 @@ def discover(
     from fitters.input_hold import residual_over_noise
     from fitters.sindy import discover as find
     from iris_sysid.cli import _parsing, _records
-    from iris_sysid.io import discovery_json, files, json_documents
+    from iris_sysid.io import discovery_json, json_documents
     from iris_sysid.registry import MODELS
     from iris_sysid.report.text import discovery_sentence, discovery_text
 
@@ -63,14 +63,12 @@ def discover(
     if len(found) > 1:
         _records.tell_hold({each: residual_over_noise(discovery.fits) for each, discovery in found.items()})
     discovery = min(found.values(), key=lambda each: residual_over_noise(each.fits))
-    clips = [clip.with_(hold=discovery.fits[0].origin["hold"]) for clip in clips]
     document = discovery_json.discovery_document(discovery, discovery_sentence(discovery))
     json_documents.write_document(document, output, overwrite=force)
     if plot is not None:
-        from iris_sysid.report.discovery_figure import discovery_figure
-        from iris_sysid.report.page import png_of
+        from iris_sysid.report.plots import figure_of
 
-        files.write_atomic(plot, png_of(discovery_figure(discovery, clips)), overwrite=force)
+        _terminal.draw(figure_of(discovery), plot, overwrite=force)
     _terminal.show_verdict(discovery.verdict, json)
     typer.echo(json_documents.document_text(document).rstrip("\n") if json else discovery_text(discovery))
     if discovery.matched is not None:

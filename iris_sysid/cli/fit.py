@@ -172,11 +172,14 @@ def _fit_one(
     found = None if record is None or not result.usable else _validated(result, trajectory, record)
     document = json_documents.fit_document(result, trajectory)
     if found is not None:
-        from iris_sysid.io.validation_json import validation_entry
+        from iris_sysid.io.json_documents import validation_entry
 
         document = document.model_copy(update={"validation": validation_entry(found, f"{how.validate}")})
     json_documents.write_document(document, output, overwrite=force)
-    _draw(trajectory, result, files.plot, force)
+    if files.plot is not None:
+        from iris_sysid.report.figures import fit_figure
+
+        _terminal.draw(fit_figure(trajectory, result), files.plot, overwrite=force)
     _terminal.show_fit(result, trajectory, json)
     _terminal.check_usable(result)
     if files.posterior is not None:
@@ -256,13 +259,3 @@ def _choose(trajectory: Trajectory, free: list[str], output: Path, force: bool, 
     if not json:
         typer.echo(fit_table(choice.nearest.fit))
     return choice.verdict, choice.chosen.model
-
-
-def _draw(trajectory: Trajectory, result: FitResult, plot: Path | None, force: bool) -> None:
-    if plot is None:
-        return
-    from iris_sysid.io import files
-    from iris_sysid.report.figures import fit_figure
-    from iris_sysid.report.page import png_of
-
-    files.write_atomic(plot, png_of(fit_figure(trajectory, result)), overwrite=force)

@@ -77,13 +77,13 @@ def gt(
             conditions=conditions,
             workers=workers,
             progress=report_progress,
-            tell=lambda text: typer.echo(_terminal.one_line(text), err=True),
+            tell=_terminal.tell,
         )
     document = parameters_document(measurements, by_hand, lacking_effects if diagnose else None)
     write_document(document, output, overwrite=force)
     _terminal.print_rows(_rows(document, measurements), json=False, header=True)
     for place, reason in (gap for gap in measurements.gaps if gap[0].endswith(f"/{BOARD}")):
-        typer.echo(_terminal.one_line(f"gap: {place}: {reason}"), err=True)
+        _terminal.tell(f"gap: {place}: {reason}")
     clips, gaps = len(measurements.clips), len(measurements.gaps)
     typer.echo(f"{clips} clips, {measurements.now} measured now; {gaps} gaps", err=True)
     _terminal.suggest("benchmark", dataset, "-o", output.with_name("tables"))

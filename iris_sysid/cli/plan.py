@@ -146,7 +146,7 @@ def _after_a_clip(
         written = written.model_copy(update={"decision": dict(decision.probabilities)})
         said += f"\n{decision_text(decision)}"
     if output is not None:
-        _write(planned, document_text(written), trajectories[0], output, force)
+        _write(planned, document_text(written), output, force)
     typer.echo(document_text(written).rstrip("\n") if json else said)
 
 
@@ -178,12 +178,10 @@ def _before_any_clip(to: str, camera: FilmingArguments, output: Path | None, for
     wanted = float(size) if size else None
     text = document_text(limits_document(limits))
     if output is not None:
-        from iris_sysid.report.page import png_of
         from iris_sysid.report.plan_figure import limits_figure
 
-        output.mkdir(parents=True, exist_ok=True)
-        write_atomic(output / "plan.json", text.encode(), overwrite=force)
-        write_atomic(output / "plan.png", png_of(limits_figure(limits, wanted)), overwrite=force)
+        write_atomic(output / FILES[0], text, overwrite=force)
+        _terminal.draw(limits_figure(limits, wanted), output / FILES[1], overwrite=force)
     typer.echo(text.rstrip("\n") if json else limits_text(limits, wanted))
 
 
@@ -283,13 +281,11 @@ def _in_units(errors: dict[str, tuple[float, bool]], planned: "Plan") -> dict[st
     }
 
 
-def _write(planned: "Plan", text: str, clip: "Trajectory", folder: Path, force: bool) -> None:
+def _write(planned: "Plan", text: str, folder: Path, force: bool) -> None:
     from iris_sysid.io.files import write_atomic
-    from iris_sysid.report.page import png_of
     from iris_sysid.report.plan_figure import plan_figure
 
-    folder.mkdir(parents=True, exist_ok=True)
-    write_atomic(folder / "plan.json", text.encode(), overwrite=force)
+    write_atomic(folder / FILES[0], text, overwrite=force)
     if planned.best.differences:
-        write_atomic(folder / "plan.png", png_of(plan_figure(planned)), overwrite=force)
-        typer.echo(f"picture: {folder / 'plan.png'}", err=True)
+        _terminal.draw(plan_figure(planned), folder / FILES[1], overwrite=force)
+        typer.echo(f"picture: {folder / FILES[1]}", err=True)

@@ -12,7 +12,6 @@ from iris_sysid.cli.arguments import Columns, Force, Json, SampleTime
 
 if TYPE_CHECKING:
     from iris_sysid.io.schemas import FitDocument
-    from iris_sysid.types import OdeModel, Trajectory
 
 ESTIMATION, TEST = "estimation.csv", "test.sealed"
 STATED = ("--fit", "--initial", "--after", "--validation-plot")
@@ -110,12 +109,12 @@ def _look(
     force: bool,
     json: bool,
 ) -> None:
+    from fitters.compose_effects import with_effects
     from fitters.validation_record import validate_model
-    from iris_sysid.cli import _records
+    from iris_sysid.cli import _model_choice, _records
     from iris_sysid.io.csv_read import read_trajectory
-    from iris_sysid.io.json_documents import document_text, write_document
+    from iris_sysid.io.json_documents import document_text, validation_entry, write_document
     from iris_sysid.io.sealed_record import counted, model_hash, open_sealed
-    from iris_sysid.io.validation_json import validation_entry
 
     _terminal.check_outputs(record, [output, picture], overwrite=force)
     _terminal.check_suffix(picture, ".png")
@@ -126,7 +125,7 @@ def _look(
     how = [*effects, f"hold {hold}", f"initial {initial}", f"after {before is not None}"]
     test, looks = open_sealed(record, model_hash(document.equation, values, how), frozen.name)
     typer.echo(f"{record}: {counted(looks)}, this one included", err=True)
-    model = _model_of(document, effects, test)
+    model = with_effects(_model_choice.model_of_fit(document, test), effects)
     known = {quantity.name for quantity in model.derived}
     given = {name: value for name, value in values.items() if name not in known}
     clips = [clip if clip is None or hold is None else clip.with_(hold=hold) for clip in (test, before)]
@@ -159,13 +158,6 @@ def _frozen(path: Path) -> tuple[FitDocument, tuple[str, ...]]:
     if document.clips is not None:
         raise DataError(f"{file} is of several clips; give the fit of one")
     return document, effects
-
-
-def _model_of(document: FitDocument, effects: tuple[str, ...], test: Trajectory) -> OdeModel:
-    from fitters.compose_effects import with_effects
-    from iris_sysid.cli import _model_choice
-
-    return with_effects(_model_choice.model_of_fit(document, test), effects)
 
 
 def _show_log(record: Path, json: bool) -> None:

@@ -21,7 +21,9 @@ from iris_sysid.io.schemas import (
     FittedQuantity,
     FittedSegment,
     IdentifiabilityEntry,
+    LinearModelEntry,
     UsedSamples,
+    ValidationEntry,
     why_null,
 )
 from iris_sysid.types import (
@@ -32,6 +34,7 @@ from iris_sysid.types import (
     Quantity,
     Segment,
     Trajectory,
+    Validation,
 )
 
 Kind = TypeVar("Kind", bound=Document)
@@ -265,3 +268,11 @@ def _segment(segment: Segment, result: FitResult) -> FittedSegment:
         stop_s=float(result.t_s[segment.stop - 1]),
         n_used=int(result.used[segment.start : segment.stop].sum()),
     )
+
+
+def validation_entry(validation: Validation, record: str) -> ValidationEntry:
+    """The validation as it is written to a file; ``record`` says what was simulated."""
+    named = ValidationEntry.model_fields.keys() - {"linear", "record", "n"}
+    values = {name: getattr(validation, name) for name in named}
+    linear = None if validation.linear is None else LinearModelEntry.of(validation.linear)
+    return ValidationEntry.of({**values, "linear": linear, "record": record, "n": validation.simulated.n})

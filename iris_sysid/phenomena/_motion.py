@@ -30,6 +30,28 @@ def only_measured(world: Sequence[Trajectory], name: str, quantity: str) -> Traj
     return body
 
 
+def as_tracked(name: str, quantity: str, world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Trajectory:
+    """Keep the only quantity of a body as the tracker gives it; the motion is that of its segments.
+
+    Parameters
+    ----------
+    name, quantity
+        The phenomenon, and what its tracker gives.
+    world
+        One trajectory of the quantity, segmented.
+    settings
+        Not used: what may be stated are constants of the model.
+
+    Raises
+    ------
+    DataError
+        When the motion has fewer than five samples.
+    """
+    body = only_measured(world, name, quantity)
+    in_motion(body, 5)
+    return body
+
+
 def in_motion(body: Trajectory, fewest: int) -> Mask:
     """The valid samples (n,) of the motion; DataError when there are fewer than ``fewest``."""
     used = body.valid & body.mask("motion")

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iris_sysid.phenomena._motion import in_motion, only_measured, stated, stated_length
-from iris_sysid.types import BenchmarkClass, Estimate, FitResult, Phenomenon, Segment, Trajectory
+from iris_sysid.types import BenchmarkClass, Estimate, FitResult, Phenomenon, Segment, Trajectory, runs
 
 Index = NDArray[np.int64]
 
@@ -81,9 +81,7 @@ def _fall(segment: Segment, body: Trajectory) -> tuple[Index, tuple[int, int]]:
     error = np.hypot(sigma[1:], sigma[:-1])
     shrinks = np.diff(radius) < -MIN_SIGMAS * np.where(np.isfinite(error), error, 0.0)
     shrinks &= np.diff(t_s) < MAX_GAP * np.median(np.diff(t_s))
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], shrinks, [False]])))
-    runs = [(int(first), int(last)) for first, last in edges.reshape(-1, 2)]
-    return index, max(runs, key=lambda run: radius[run[0]] - radius[run[1]], default=(0, 0))
+    return index, max(runs(shrinks), key=lambda run: radius[run[0]] - radius[run[1]], default=(0, 0))
 
 
 def _split(motion: Segment, body: Trajectory) -> list[Segment]:

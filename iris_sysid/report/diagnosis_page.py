@@ -7,9 +7,15 @@ from pathlib import Path
 
 from iris_sysid.diagnosis.planning.plan import Plan
 from iris_sysid.io.discovery_json import term_entry
-from iris_sysid.io.json_documents import checked, entries_of, fit_document, plain_origin, write_document
+from iris_sysid.io.json_documents import (
+    checked,
+    entries_of,
+    fit_document,
+    plain_origin,
+    validation_entry,
+    write_document,
+)
 from iris_sysid.io.schemas import DiagnosisDocument, ValidationEntry
-from iris_sysid.io.validation_json import validation_entry
 from iris_sysid.report.clip_page import MAX_VALUES, write_page
 from iris_sysid.report.component_figure import component_caption, component_figure
 from iris_sysid.report.component_table import parts_sections

@@ -13,6 +13,7 @@ from iris_sysid.diagnosis.planning.plan import Plan
 from iris_sysid.report.plan_text import percent_of
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73")  # Okabe and Ito (2008); more lines cannot be told apart
+MAX_ROWS = 12  # proposals drawn
 
 
 def plan_figure(planned: Plan) -> Figure:
@@ -53,7 +54,7 @@ def draw_differences(figure: Figure | SubFigure, planned: Plan) -> list[Axes]:
     return [left, right]
 
 
-def draw_remaining_errors(figure: Figure | SubFigure, planned: Plan, most: int = 12) -> list[Axes]:
+def draw_remaining_errors(figure: Figure | SubFigure, planned: Plan) -> list[Axes]:
     """The standard errors after each proposal as a share of today's, best first: a row each, a mark for each value.
 
     Parameters
@@ -61,12 +62,10 @@ def draw_remaining_errors(figure: Figure | SubFigure, planned: Plan, most: int =
     figure
         To draw in.
     planned
-        Any; of its proposals the first ``most`` are drawn.
-    most
-        Number of rows.
+        Any; of its proposals the first MAX_ROWS are drawn.
     """
     axes = figure.subplots()
-    shown = planned.proposals[:most]
+    shown = planned.proposals[:MAX_ROWS]
     names = [name for name, today in planned.stderr.items() if today > 0 and any(name in one.stderr for one in shown)]
     for colour, name in zip(cycle(COLOURS), names, strict=False):
         rows = [k for k, proposal in enumerate(shown) if name in proposal.stderr]

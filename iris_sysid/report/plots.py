@@ -139,7 +139,7 @@ def _(result: Diagnosis) -> list[float]:
 
 @_heights.register
 def _(result: Discovery) -> list[float]:
-    return [max(2.0, 0.28 * len(result.terms) + 0.8), *_heights(result.fits[0])]
+    return [max(2.0, 0.28 * len(result.terms) + 0.8), *_heights(_longest(result))]
 
 
 @_heights.register
@@ -243,7 +243,7 @@ def _(result: Discovery, figure: Figure | SubFigure, heights: list[float]) -> li
     top, bottom = _halves(figure, heights)
     inclusion, intervals = top.subplots(1, 2)
     draw_terms(inclusion, intervals, result.terms)
-    return [inclusion, intervals, *_draw(result.fits[0], bottom, heights[1:])]
+    return [inclusion, intervals, *_draw(_longest(result), bottom, heights[1:])]
 
 
 @_draw.register
@@ -273,6 +273,11 @@ def _(result: Prediction, figure: Figure | SubFigure, heights: list[float]) -> l
 @_draw.register
 def _(result: Plan, figure: Figure | SubFigure, heights: list[float]) -> list[Axes]:
     return (draw_differences if result.repeat.differences else draw_remaining_errors)(figure, result)
+
+
+def _longest(result: Discovery) -> FitResult:
+    """The fit of the clip with the most samples."""
+    return max(result.fits, key=lambda fit: fit.n)
 
 
 def _draw_fits(axes: Axes, k: int, *fits: tuple[FitResult, str, str]) -> None:

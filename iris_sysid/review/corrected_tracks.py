@@ -69,7 +69,11 @@ def with_edits_of(new: Sequence[Track], old: Tracks) -> Tracks:
     """
     by_hand = {track.body: track for track in old if track.edited is not None and track.edited.any()}
     names = {track.body for track in new}
-    kept = [_only_edited(track, new[0]) for body, track in by_hand.items() if body not in names] if new else []
+    kept = [
+        _overlaid(empty_track(new[0].t_s, new[0].frame, body), track)
+        for body, track in by_hand.items()
+        if new and body not in names
+    ]
     return (*(_overlaid(track, by_hand[track.body]) if track.body in by_hand else track for track in new), *kept)
 
 
@@ -250,10 +254,6 @@ def _overlaid(track: Track, by_hand: Track) -> Track:
     if not track.n_valid and track.quality is None:
         track = replace(track, quality=by_hand.quality)
     return _with_rows(track, rows, {**values, "edited": True})
-
-
-def _only_edited(track: Track, like: Track) -> Track:
-    return _overlaid(empty_track(like.t_s, like.frame, track.body), track)
 
 
 def _check_room(tracks: Tracks) -> None:

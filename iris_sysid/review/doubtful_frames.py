@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from iris_sysid.review.corrected_tracks import doubts_of, edited_mask, in_frame_px
-from iris_sysid.types import Array, DoubtKind, FitResult, Mask, Track, Trajectory
+from iris_sysid.types import Array, DoubtKind, FitResult, Mask, Track, Trajectory, runs
 
 MIN_GAP = 3  # frames: a shorter gap is bridged without harm
 MIN_STRETCH, MAX_STRETCHES = 5, 6  # frames that a look is worth, and looks at a doubted track
@@ -112,7 +112,7 @@ def _of_quality(track: Track) -> Iterable[FrameQuestion]:
 
 def _stretches(track: Track) -> list[tuple[int, int]]:
     """Start and stop of the parts of a track between gaps and places off the course: they hold all of its frames."""
-    cuts = [start for start, stop in _runs(~track.valid) if start and stop - start >= MIN_GAP]
+    cuts = [start for start, stop in runs(~track.valid) if start and stop - start >= MIN_GAP]
     cuts += [start for start, _ in _off_places(track)]
     ends, before = [], 0
     for cut in sorted(cuts):
@@ -136,7 +136,7 @@ def _lost(track: Track, image_size: tuple[int, int] | None) -> Iterable[FrameQue
         return
     inside = np.zeros(track.valid.size, np.bool_)
     inside[found[0] : found[-1]] = True
-    for start, stop in _runs(~track.valid & ~held & inside):
+    for start, stop in runs(~track.valid & ~held & inside):
         if stop - start >= MIN_GAP and not _out_of_image(track, start, stop, image_size):
             reason = f"body {track.body} is lost for {stop - start} frames"
             yield _question(track, start, stop, start, reason, 2.0 + min(stop - start, 100) / 100)
@@ -175,7 +175,7 @@ def _off_course(track: Track) -> Iterable[FrameQuestion]:
 def _off_places(track: Track) -> list[tuple[int, int]]:
     """Start and stop of the runs of positions off the course of their neighbours."""
     off = _off_neighbours(track.xy_px, track.valid)
-    return _runs(np.isfinite(off) & (off > _off_limit(track, off)))
+    return runs(np.isfinite(off) & (off > _off_limit(track, off)))
 
 
 def _off_limit(track: Track, off: Array) -> float:
@@ -238,7 +238,7 @@ def _odd_size(track: Track) -> Iterable[FrameQuestion]:
     with np.errstate(invalid="ignore"):
         ratio = np.maximum(radius / usual, usual / radius)
     odd = (ratio > SIZE_RATIO) & (np.abs(radius - usual) > 1.0)
-    for start, stop in _runs(odd):
+    for start, stop in runs(odd):
         worst = start + int(np.nanargmax(ratio[start:stop]))
         reason = f"body {track.body} appears {ratio[worst]:.1f} times larger or smaller than around it"
         yield _question(track, start, stop, worst, reason, 1.5 + min(float(ratio[worst]), 5.0) / 5)
@@ -250,7 +250,7 @@ def _uncertain(track: Track) -> Iterable[FrameQuestion]:
     if not np.isfinite(sigma).any():
         return
     usual = float(np.nanmedian(sigma))
-    for start, stop in _runs(sigma > max(SIGMA_RATIO * usual, SIGMA_PX)):
+    for start, stop in runs(sigma > max(SIGMA_RATIO * usual, SIGMA_PX)):
         worst = start + int(np.nanargmax(sigma[start:stop]))
         reason = f"the tracker knows the position of body {track.body} to {sigma[worst]:.2g} px only"
         yield _question(track, start, stop, worst, reason, 1.0 + min(float(sigma[worst]) / usual, 50.0) / 50)
@@ -260,7 +260,7 @@ def _meeting(track: Track, other: Track) -> Iterable[FrameQuestion]:
     """Frames in which two bodies are so near that their names may be exchanged."""
     apart = np.hypot(*(track.xy_px - other.xy_px).T)
     reach = MEETING_RADII * max(_radius(track), _radius(other))
-    for start, stop in _runs(track.valid & other.valid & (apart < reach)):
+    for start, stop in runs(track.valid & other.valid & (apart < reach)):
         after = min(stop, track.frame.size - 1)
         reason = f"bodies {track.body} and {other.body} meet: are their names right afterwards?"
         yield _question(track, start, stop, after, reason, 2.5)
@@ -274,7 +274,7 @@ def _of_residual(track: Track, fit: FitResult, trajectory: Trajectory) -> Iterab
         return
     scale = MAD * np.median(size[used], axis=0)
     ratio = np.where(used, (size / np.where(scale > 0, scale, np.inf)).max(axis=1), np.nan)
-    for start, stop in _runs(ratio > RESIDUAL_SCALES):
+    for start, stop in runs(ratio > RESIDUAL_SCALES):
         worst = start + int(np.nanargmax(ratio[start:stop]))
         at = [int(np.argmin(np.abs(track.t_s - trajectory.t_s[k]))) for k in (start, stop - 1, worst)]
         reason = f"the data are {ratio[worst]:.0f} times the usual residual off the fit"
@@ -311,12 +311,6 @@ def _with_answer(question: FrameQuestion, track: Track, confirmed: Sequence[tupl
         body == question.body and first <= question.first and question.last <= last for body, first, last in confirmed
     )
     return replace(question, answered=corrected or said)
-
-
-def _runs(flags: Mask) -> list[tuple[int, int]]:
-    """Start and stop of every run of True in flags (n,)."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
-    return [(int(start), int(stop)) for start, stop in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def _radius(track: Track) -> float:

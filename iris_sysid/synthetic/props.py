@@ -140,10 +140,11 @@ def shadow_of(outline: Outline, centre: Path, radius_m: float, darkness: float) 
 
 CARPET: Colour = (150.0, 128.0, 104.0)
 SKIRTING: Colour = (150.0, 146.0, 96.0)
+SKIRTING_M = 0.06  # height of the strip
 BEIGE: Colour = (204.0, 202.0, 190.0)
 
 
-def floor(level_m: float, left_m: float, right_m: float, bottom_m: float, skirting_m: float = 0.06) -> list[Layer]:
+def floor(level_m: float, left_m: float, right_m: float, bottom_m: float) -> list[Layer]:
     """A carpet seen along its surface, with a strip of skirting on the wall behind it.
 
     Parameters
@@ -152,11 +153,9 @@ def floor(level_m: float, left_m: float, right_m: float, bottom_m: float, skirti
         Height at which things stand.
     left_m, right_m, bottom_m
         Its length; it extends beyond the image.
-    skirting_m
-        Height of the strip.
     """
     middle, width = (left_m + right_m) / 2, right_m - left_m
-    strip = box(middle, level_m + skirting_m / 2 + 0.02, width, skirting_m)
+    strip = box(middle, level_m + SKIRTING_M / 2 + 0.02, width, SKIRTING_M)
     carpet = box(middle, (level_m + 0.02 + bottom_m) / 2, width, level_m + 0.02 - bottom_m)
     edge = box(middle, level_m + 0.02, width, 0.004)
     return [Layer(static(strip), SKIRTING), Layer(static(carpet), CARPET), Layer(static(edge), METAL_DARK)]

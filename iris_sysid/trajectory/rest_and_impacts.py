@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from iris_sysid.trajectory import local_polynomials as local
 from iris_sysid.trajectory.dropped_frames import lost_time
-from iris_sysid.types import Array, Mask, Trajectory
+from iris_sysid.types import Array, Mask, Trajectory, runs
 
 # A normal deviate beyond 6 comes once in 5e8 samples. Errors of tracking have longer tails than the normal, so the
 # usual 4 or 5 would cut long clips in pieces; an impact at 30 frames a second or more reaches 10 to 80.
@@ -77,12 +77,6 @@ def body_of(world: Trajectory, usable: Mask) -> BodyMotion:
     scale = np.maximum(np.maximum(scatter, known), smallest)
     missing_s = lost_time(world.t_s[index], position[index], scale)
     return BodyMotion(world.t_s[index] + missing_s, missing_s, position[index], scale, index, world.quantities[0].unit)
-
-
-def runs(mask: Mask) -> list[tuple[int, int]]:
-    """(start, stop) of each run of true samples."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
-    return [(int(start), int(stop)) for start, stop in edges.reshape(-1, 2)]
 
 
 # --------------------------------------------------------------------------- rest

@@ -25,11 +25,10 @@ from iris_sysid.trajectory.rest_and_impacts import (
     body_of,
     fastest,
     rests,
-    runs,
     split_at_impacts,
 )
 from iris_sysid.trajectory.straight_line import straight_part
-from iris_sysid.types import Array, Mask, MotionKind, Segment, SegmentLabel, Trajectory, frozen_mask
+from iris_sysid.types import Array, Mask, MotionKind, Segment, SegmentLabel, Trajectory, frozen_mask, runs
 
 PARABOLA = 0.05  # of its extent: what a flight leaves of a parabola is less, two flights with a bounce between more
 MAX_BREAKS = 200  # places of a break that are compared at a time: in a long stretch every k-th, then those around

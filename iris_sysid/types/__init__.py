@@ -11,6 +11,7 @@ from iris_sysid.types._arrays import correlation_matrix as correlation_matrix
 from iris_sysid.types._arrays import frozen_array as frozen_array
 from iris_sysid.types._arrays import frozen_mask as frozen_mask
 from iris_sysid.types._arrays import increasing_times as increasing_times
+from iris_sysid.types._arrays import runs as runs
 from iris_sysid.types._calibration import N_VALUES as N_VALUES
 from iris_sysid.types._calibration import Calibration as Calibration
 from iris_sysid.types._calibration import VerticalSource as VerticalSource
@@ -35,7 +36,6 @@ from iris_sysid.types._components import Components as Components
 from iris_sysid.types._components import ComponentSide as ComponentSide
 from iris_sysid.types._components import Finding as Finding
 from iris_sysid.types._components import FindingWord as FindingWord
-from iris_sysid.types._departure import DEPARTURE_SIGMAS as DEPARTURE_SIGMAS
 from iris_sysid.types._departure import N_REST_SAMPLES as N_REST_SAMPLES
 from iris_sysid.types._departure import departure as departure
 from iris_sysid.types._detections import Detections as Detections
@@ -86,7 +86,6 @@ from iris_sysid.types._numbers import Quantity as Quantity
 from iris_sysid.types._numbers import symbol_of as symbol_of
 from iris_sysid.types._numbers import unit_suffix as unit_suffix
 from iris_sysid.types._pickling import OWN_FILE as OWN_FILE
-from iris_sysid.types._pickling import Portable as Portable
 from iris_sysid.types._pickling import picklable as picklable
 from iris_sysid.types._plugins import BenchmarkClass as BenchmarkClass
 from iris_sysid.types._plugins import Phenomenon as Phenomenon

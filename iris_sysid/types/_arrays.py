@@ -63,6 +63,12 @@ def increasing_times(t_s: ArrayLike) -> Array:
     return times
 
 
+def runs(mask: Mask) -> list[tuple[int, int]]:
+    """(start, stop) of each run of true samples."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
+    return [(int(start), int(stop)) for start, stop in edges.reshape(-1, 2)]
+
+
 def correlation_matrix(covariance: Array) -> Array:
     """Correlations (k, k) of a covariance (k, k) in any units; not finite where a variance is zero or not known."""
     with np.errstate(all="ignore"):

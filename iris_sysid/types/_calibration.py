@@ -22,14 +22,6 @@ MEASURED_VERTICALS: tuple[VerticalSource, ...] = ("plumb-line", "flight")
 N_VALUES = 18  # nine entries of the homography, row by row, then fx, fy, cx, cy, k1, k2, p1, p2, k3
 
 
-def _no_camera() -> Array:
-    return np.eye(3)
-
-
-def _no_distortion() -> Array:
-    return np.zeros(5)
-
-
 @dataclass(frozen=True, eq=False, slots=True)
 class Calibration(Portable):
     """The map from pixels to metres in the plane of motion; :func:`iris_sysid.to_world` applies it.
@@ -51,8 +43,8 @@ class Calibration(Portable):
     scale: Estimate
     unit: Literal["m", "px"] = "m"
     source: str = ""
-    camera_matrix: Array = field(default_factory=_no_camera)
-    distortion: Array = field(default_factory=_no_distortion)
+    camera_matrix: Array = field(default_factory=lambda: np.eye(3))
+    distortion: Array = field(default_factory=lambda: np.zeros(5))
     budget: Mapping[str, Array] = field(default_factory=dict)
     image_size: tuple[int, int] | None = None
     centre_px: tuple[float, float] = (0.0, 0.0)

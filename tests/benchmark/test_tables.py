@@ -8,7 +8,7 @@ import pytest
 
 from iris_sysid.benchmark.sources.rows import flat_rows
 from iris_sysid.benchmark.tables.summary import displayed, parameter_summary
-from iris_sysid.benchmark.tables.table import Cell, Table, parameter_table, render, render_rows
+from iris_sysid.benchmark.tables.table import Cell, Table, parameter_table, render
 from iris_sysid.errors import DataError, UnknownNameError
 
 FORMS = ("csv", "markdown", "latex", "html")
@@ -98,12 +98,12 @@ def test_unknown_reference_is_refused_with_the_names():
 
 def test_no_rows_make_an_empty_table():
     for form in FORMS:
-        assert render_rows(flat_rows([]), form)
+        assert render(parameter_table(flat_rows([])), form)
 
 
 @pytest.mark.parametrize("form", FORMS)
 def test_same_rows_give_the_same_bytes(form):
-    made = [render_rows(rows(a=[0.6, None], b=[0.7, 0.71]), form, reference="a") for _ in range(2)]
+    made = [render(parameter_table(rows(a=[0.6, None], b=[0.7, 0.71]), reference="a"), form) for _ in range(2)]
     assert made[0] == made[1]
     assert made[0].endswith("\n")
 

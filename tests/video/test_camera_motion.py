@@ -14,7 +14,7 @@ from iris_sysid.types import Track, TrackCandidate, TrackMark, TrackOptions, map
 from iris_sysid.video.camera_motion.frame_edge import seen_part
 from iris_sysid.video.camera_motion.reference import NOT_MEASURED, in_reference, on_canvas
 from iris_sysid.video.camera_motion.registration import scatter_in_time
-from iris_sysid.video.camera_motion.steady import examined, steadied
+from iris_sysid.video.camera_motion.steady import examined
 from iris_sysid.video.camera_motion.steady_video import SteadyVideo
 from iris_sysid.video.camera_motion.survey import CameraState
 from iris_sysid.video.reader import open_video
@@ -44,6 +44,12 @@ def against_first(maps):
     """The maps from px of the first frame to px of each frame, by 3x3 inverses."""
     square = np.concatenate([maps, np.tile([0.0, 0.0, 1.0], (len(maps), 1, 1))], axis=1)
     return (square @ np.linalg.inv(square[0]))[:, :2]
+
+
+def steadied(video):
+    """The clip without the motion of its camera, and that motion; the clip itself and None where there is none."""
+    steady = examined(video).steady
+    return (video, None) if steady is None else (steady, steady.motion)
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,6 @@ from iris_sysid.errors import CalibrationError, DataError, IrisError, OutputErro
 from iris_sysid.io.files import json_text, origin_of, sha256_of, write_atomic
 from iris_sysid.io.json_documents import plain_origin
 from iris_sysid.io.schemas.groundtruth import BoardEntry, MeasuredDocument, ScaleEntry
-from iris_sysid.types import Progress
 
 NAME = "calibration.json"
 ORIGIN = "calibration.origin.json"
@@ -122,7 +121,7 @@ def scale_class(scale: ScaleEntry, folder: Path) -> Path:
     return write_calibration(calibration, folder / NAME, overwrite=True)
 
 
-def calibrate_class(clip: Path, board: BoardEntry, folder: Path, progress: Progress | None = None) -> Path:
+def calibrate_class(clip: Path, board: BoardEntry, folder: Path) -> Path:
     """Calibrate by the clip of a board and write ``calibration.json``, unless it is up to date.
 
     The first view that shows the board is taken to be in the plane of motion.
@@ -135,8 +134,6 @@ def calibrate_class(clip: Path, board: BoardEntry, folder: Path, progress: Progr
         Its corners and squares.
     folder
         Folder of the result.
-    progress
-        Called with (frames done, frames expected).
 
     Returns
     -------
@@ -155,7 +152,7 @@ def calibrate_class(clip: Path, board: BoardEntry, folder: Path, progress: Progr
     if _kept(path, origin_path, origin):
         return path
     shown = Board(*board.inner_corners, board.square_m, board.stderr_m)
-    plane = calibrate_plane(CalibrationRequest((clip,), ByBoard(shown)), progress)
+    plane = calibrate_plane(CalibrationRequest((clip,), ByBoard(shown)))
     write_calibration(plane.calibration, path, overwrite=True)
     write_atomic(origin_path, json_text({**origin, "calibration_sha256": sha256_of(path)}), overwrite=True)
     return path

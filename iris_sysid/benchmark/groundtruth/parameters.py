@@ -92,16 +92,13 @@ def _setting(
         stated = direct.get(published_name, direct.get(name))
         if regenerated is None and stated is None:
             continue
-        entry = _entry(published_name, stated, regenerated, _equation(clips))
+        equation = MODELS[PHENOMENA[clips[0].clip.phenomenon].model].equation
+        entry = _entry(published_name, stated, regenerated, equation)
         notes = notes_on(published_name, regenerated, entry.difference, by_hand)
         entries[published_name] = entry.model_copy(update={"effects": effect_notes, "notes": notes})
     names = {*described.parameters, *described.parameters.values()}
     others = {name: _entry(name, estimate, None, "") for name, estimate in direct.items() if name not in names}
     return entries | others
-
-
-def _equation(clips: Clips) -> str:
-    return MODELS[PHENOMENA[clips[0].clip.phenomenon].model].equation
 
 
 def _entry(name: str, direct: Estimate | None, regenerated: RegeneratedValue | None, equation: str) -> ParameterEntry:

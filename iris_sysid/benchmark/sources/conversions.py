@@ -18,26 +18,17 @@ Values = NDArray[np.float64]
 
 
 def alpha_itself(alpha: ArrayLike, beta: ArrayLike) -> Values:
-    """The first fitted value, alpha, as it is; beta is not used.
-
-    ``alpha`` and ``beta`` (n,) in the units of the publication's latent parameters.
-    """
+    """The first fitted value (n,), alpha, in the unit of the publication's latent parameter; beta is not used."""
     return np.asarray(alpha, dtype=np.float64)
 
 
 def beta_itself(alpha: ArrayLike, beta: ArrayLike) -> Values:
-    """The second fitted value, beta, as it is; alpha is not used.
-
-    ``alpha`` and ``beta`` (n,) in the units of the publication's latent parameters.
-    """
+    """The second fitted value (n,), beta, in the unit of the publication's latent parameter; alpha is not used."""
     return np.asarray(beta, dtype=np.float64)
 
 
 def negated_beta(alpha: ArrayLike, beta: ArrayLike) -> Values:
-    """Minus beta, the sign of the publication's damping (tab:calibration); alpha is not used.
-
-    ``alpha`` and ``beta`` (n,) in the units of the publication's latent parameters.
-    """
+    """Minus beta (n,), the sign of the publication's damping (tab:calibration), in its unit; alpha is not used."""
     return -np.asarray(beta, dtype=np.float64)
 
 

@@ -20,6 +20,7 @@ HEADERS = (("run", *VALUES), ("phenomenon", "setting", "clip_idx", *VALUES))
 RUN_COLUMNS = ("line", "phenomenon", "setting", "clip", *VALUES, "status", "message", "duplicate_of")
 DAMAGED = "damaged"
 NOT_ESTIMATED = "not estimated"
+SEED = 42  # of the runs, as the publication states it
 
 Dataset = Literal["iris", "delfys75"]
 DELFYS_CLASSES = ("dropped_ball", "free_fall", "led", "pendulum", "sliding_block", "torricelli")  # lower case there
@@ -105,7 +106,7 @@ def dataset_of(runs: pd.DataFrame) -> Dataset:
     return "delfys75" if names and names <= set(DELFYS_CLASSES) else "iris"
 
 
-def latent_rows(runs: pd.DataFrame, method: str, *, source: str = "", seed: int | None = 42) -> pd.DataFrame:
+def latent_rows(runs: pd.DataFrame, method: str, *, source: str = "") -> pd.DataFrame:
     """Turn runs into flat rows under every reading of alpha and beta, each reading a method of its own.
 
     For a length both readings are given: ``g/alpha``, which the publication applies to every file, and
@@ -121,8 +122,6 @@ def latent_rows(runs: pd.DataFrame, method: str, *, source: str = "", seed: int 
         Name of the method; the reading is added in brackets, e.g. ``baseline (g/alpha)``.
     source
         Name of the file, kept in each row.
-    seed
-        Seed of the runs; 42 is stated in the publication.
 
     Returns
     -------
@@ -131,14 +130,14 @@ def latent_rows(runs: pd.DataFrame, method: str, *, source: str = "", seed: int 
     """
     dataset = dataset_of(runs)
     records = [
-        _record(run, reading, dataset) | {"method": f"{method} ({reading.conversion})", "seed": seed, "source": source}
+        _record(run, reading, dataset) | {"method": f"{method} ({reading.conversion})", "seed": SEED, "source": source}
         for run in runs.to_dict("records")
         for reading in READINGS.get(run["phenomenon"], ())
     ]
     return flat_rows(records)
 
 
-def unread_rows(runs: pd.DataFrame, method: str, *, source: str = "", seed: int | None = 42) -> pd.DataFrame:
+def unread_rows(runs: pd.DataFrame, method: str, *, source: str = "") -> pd.DataFrame:
     """Rows without a value for runs of phenomena whose published parameter neither alpha nor beta gives.
 
     They keep the incline's angle in the table: its published value is from metadata, and no run estimates it.
@@ -147,7 +146,7 @@ def unread_rows(runs: pd.DataFrame, method: str, *, source: str = "", seed: int 
     ----------
     runs
         From :func:`read_latent_runs`.
-    method, source, seed
+    method, source
         As for :func:`latent_rows`.
     """
     dataset = dataset_of(runs)
@@ -160,7 +159,7 @@ def unread_rows(runs: pd.DataFrame, method: str, *, source: str = "", seed: int 
         setting_truths = known[(known["phenomenon"] == run["phenomenon"]) & (known["setting"] == run["setting"])]
         for truth in setting_truths.to_dict("records"):
             record = {name: run[name] for name in ("phenomenon", "setting", "clip")}
-            record |= {"dataset": dataset, "method": method, "seed": seed, "source": source, "status": NOT_ESTIMATED}
+            record |= {"dataset": dataset, "method": method, "seed": SEED, "source": source, "status": NOT_ESTIMATED}
             records.append(
                 record
                 | {"parameter": truth["parameter"], "unit": truth["unit"]}

@@ -168,10 +168,12 @@ def subjects_of(clips: Iterable[ClipMeasurement], folder: Path, dataset: str) ->
     dataset
         Its name in the tables.
     """
-    published = _parameters_json(folder / "parameters.json")
+    beside = folder / "parameters.json"
+    stated = _json(beside) if beside.is_file() else {}
     subjects = []
     for clip in clips:
-        true = _truth(clip.clip, published)
+        # of the clip itself, else of parameters.json, else published
+        true = _published(clip.clip) | _of_setting(clip.clip, stated) | _of_clip(clip.clip)
         subjects.append(Subject(dataset, clip, true, _wanted(clip.clip, true)))
     return subjects
 
@@ -197,11 +199,6 @@ def _wanted(clip: Clip, truth: Mapping[str, TrueValue]) -> dict[str, str]:
 
 
 # --------------------------------------------------------------------------- truth
-
-
-def _truth(clip: Clip, document: Mapping[str, Any]) -> dict[str, TrueValue]:
-    """True values by our names: of the clip itself, else of parameters.json, else published."""
-    return _published(clip) | _of_setting(clip, document) | _of_clip(clip)
 
 
 def _of_clip(clip: Clip) -> dict[str, TrueValue]:
@@ -238,10 +235,6 @@ def _published(clip: Clip) -> dict[str, TrueValue]:
     return {
         name: TrueValue(truth.value, f"published: {truth.source}") for name, truth in known.items() if truth is not None
     }
-
-
-def _parameters_json(path: Path) -> Mapping[str, Any]:
-    return _json(path) if path.is_file() else {}
 
 
 def _json(path: Path) -> dict[str, Any]:

@@ -131,21 +131,6 @@ def render(table: Table, form: str) -> str:
     return FORMATS[form](table)
 
 
-def render_rows(rows: pd.DataFrame, form: str, *, reference: str | None = None) -> str:
-    """Write flat rows as a parameter table; :func:`parameter_table` and :func:`render` in one.
-
-    Parameters
-    ----------
-    rows
-        Flat rows.
-    form
-        ``csv``, ``markdown``, ``latex`` or ``html``.
-    reference
-        Method that every difference subtracts.
-    """
-    return render(parameter_table(rows, reference=reference), form)
-
-
 # --------------------------------------------------------------------------- forms
 
 

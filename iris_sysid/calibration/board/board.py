@@ -72,11 +72,6 @@ class Board:
         return np.array([self.columns - 1, self.rows - 1]) * self.square_m / 2
 
     @property
-    def symmetric(self) -> bool:
-        """Whether it looks the same turned by 180 degrees, so that its first and last corner are indistinguishable."""
-        return self.marker_m is None and (self.columns + self.rows) % 2 == 0
-
-    @property
     def clear_squares(self) -> float:
         """Part of a square next to its edges that no marker covers, with a margin for blur."""
         return 0.5 if self.marker_m is None else 0.7 * (1 - self.marker_m / self.square_m) / 2

@@ -15,6 +15,7 @@ from iris_sysid.types import Array
 REACH_SQUARES = 0.42
 MAX_REACH_PX = 24
 STEPS = 25
+WINDOW_ENDS = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, 30, 0.1)  # steps, and px of a step
 SETTLED_PX = 1e-4
 SHARPEST_PX = 0.05  # blur of the lens: an edge as sharp as this changes no pixel but those that it crosses
 PIXEL_VARIANCE = 1 / 12  # px^2, of a pixel's own width
@@ -34,9 +35,7 @@ class Saddles:
     contrast: Array
 
 
-def refine_by_window(
-    grey: NDArray[np.uint8], xy_px: Array, half_px: int, *, steps: int = 30, eps: float = 0.1
-) -> Array:
+def refine_by_window(grey: NDArray[np.uint8], xy_px: Array, half_px: int) -> Array:
     """Move corners (n, 2) to where the grey levels' gradients point away from, as OpenCV's classical method does.
 
     Parameters
@@ -47,8 +46,6 @@ def refine_by_window(
         Corners to start from (n, 2).
     half_px
         Half the side of the window, px; a window that holds a second corner pulls the result towards it.
-    steps, eps
-        Stop after this number of steps, or at a step below this length, px.
 
     Returns
     -------
@@ -56,8 +53,7 @@ def refine_by_window(
         (n, 2).
     """
     start = np.ascontiguousarray(xy_px, dtype=np.float32).reshape(-1, 1, 2)
-    criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, steps, eps)
-    return np.asarray(cv2.cornerSubPix(grey, start, (half_px, half_px), (-1, -1), criteria), float).reshape(-1, 2)
+    return np.asarray(cv2.cornerSubPix(grey, start, (half_px, half_px), (-1, -1), WINDOW_ENDS), float).reshape(-1, 2)
 
 
 def refine_by_model(grey: NDArray[np.uint8], xy_px: Array, squares_px: Array, clear: float = 0.5) -> Saddles:

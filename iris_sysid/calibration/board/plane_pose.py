@@ -11,7 +11,7 @@ import numpy as np
 from iris_sysid.calibration.board.board import Board, BoardView
 from iris_sysid.calibration.board.corner_errors import covariance_of_fit
 from iris_sysid.calibration.bundle_adjustment import Points, matrix_of, pose_of, projected, rotation_of
-from iris_sysid.calibration.camera import USUAL_FOCAL, CameraCalibration
+from iris_sysid.calibration.camera import USUAL_FOCAL, CameraCalibration, rms_of
 from iris_sysid.calibration.distortion import distort
 from iris_sysid.calibration.homography import (
     apply_homography,
@@ -158,7 +158,7 @@ def _with_camera(
             centre_px=_pair(projected(parameters, pose, board.centre_m[None])[0][0]),
             fixed=("scale", "tilt", "distance", "distortion")[: 4 if distorts else 3],
             assumed=(() if distorts else (NO_LENS,)) + ((PARALLEL,) if offset_m else ()),
-            rms_px=_rms(residual),
+            rms_px=rms_of(residual),
             source=_source(view, board, offset_m),
         )
     )
@@ -237,7 +237,7 @@ def _without_camera(
             centre_px=_pair(np.mean(view.corners_px, axis=0)),
             fixed=("scale", "tilt", "distortion (one coefficient)")[: 3 if fit.lens else 2],
             assumed=(LENS_CENTRED if fit.lens else NO_LENS,) + ((PARALLEL, STRAIGHT_ON) if offset[0] else ()),
-            rms_px=_rms(fit.residual),
+            rms_px=rms_of(fit.residual),
             source=_source(view, board, offset[0]),
         )
     )
@@ -284,10 +284,6 @@ def _check_freedom(residual: Array, unknowns: int) -> None:
 
 def _squared(column: Array) -> Array:
     return np.outer(column, column)
-
-
-def _rms(residual: Array) -> float:
-    return float(np.sqrt(np.mean(np.sum(np.square(residual), axis=1))))
 
 
 def _pair(point: Array) -> tuple[float, float]:

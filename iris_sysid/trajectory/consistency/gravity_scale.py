@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from iris_sysid.types import Array, Calibration, Doubt, FitResult, Phenomenon, Track, Trajectory
+from iris_sysid.types import Array, Calibration, Doubt, Estimate, FitResult, Phenomenon, Track, Trajectory
 
 STANDARD_GRAVITY = 9.80665  # m/s^2
 OFF = 1.2  # ratio of two lengths that common sense allows beside the stated errors
@@ -162,11 +162,12 @@ def _of_a_swing(body: Trajectory, fit: FitResult, gravity: float, name: str) -> 
     by_period = length.value * gravity / fitted.value
     unit = body.quantities[0].unit
     shown = f"by its period the pendulum is {by_period:.3g} m long, its arc has a radius of {radius:.3g} {unit}"
-    return GravityMetre(by_period / radius, math.hypot(stderr / radius, _relative(length.stderr, length.value)), shown)
+    return GravityMetre(by_period / radius, math.hypot(stderr / radius, relative_error(length)), shown)
 
 
-def _relative(stderr: float, value: float) -> float:
-    return stderr / value if math.isfinite(stderr) else 0.0
+def relative_error(estimate: Estimate) -> float:
+    """Standard error over value; 0 where the error is not known."""
+    return estimate.stderr / estimate.value if math.isfinite(estimate.stderr) else 0.0
 
 
 def circle_radius(position: Array, bow: float = BOW) -> tuple[float, float]:

@@ -25,8 +25,8 @@ class CameraReport:
     steady: SteadyVideo | None = None
 
 
-def steadied(video: FrameSource, progress: Progress | None = None) -> tuple[FrameSource, CameraMotion | None]:
-    """The clip as a camera that stands still would show it, and the motion that was taken out.
+def examined(video: FrameSource, progress: Progress | None = None) -> CameraReport:
+    """Whether the camera of a clip moves, and the clip as a camera that stands still would show it where it does.
 
     Sampled frames tell whether the camera moves. Where it does, one pass over the clip registers every frame to
     the first by points of the background (Lucas and Kanade 1981), whose coordinates all positions then have.
@@ -40,18 +40,10 @@ def steadied(video: FrameSource, progress: Progress | None = None) -> tuple[Fram
 
     Returns
     -------
-    source : FrameSource
-        The very same object where the camera stands still, or where the background has too little texture to say; else
-        a :class:`SteadyVideo`, whose px are those of the first frame but for the corner of its ``canvas``.
-    motion : CameraMotion or None
-        None where the camera stands still, or its motion cannot be measured.
+    CameraReport
+        Without a steady clip where the camera stands still, or where the background has too little texture to say; else
+        px are those of the first frame but for the corner of its ``canvas``.
     """
-    steady = examined(video, progress).steady
-    return (video, None) if steady is None else (steady, steady.motion)
-
-
-def examined(video: FrameSource, progress: Progress | None = None) -> CameraReport:
-    """Whether the camera of a clip moves, and the steady clip where it does; ``progress`` as for :func:`steadied`."""
     samples = video.sample(SAMPLES)
     if len(samples) < MIN_SAMPLES:
         return CameraReport(CameraState.UNKNOWN)

@@ -118,7 +118,7 @@ class SteadyVideo(OnCanvas):
     _fills: dict[str, _Fill] = field(default_factory=dict)
 
     def _steady(self, frame: Frame) -> Frame:
-        luma = self._shown("luma", _luma, frame, frame.luma)
+        luma = self._shown("luma", lambda plain: plain.luma, frame, frame.luma)
         luma.flags.writeable = False
         return replace(frame, luma=luma, bgr=partial(self._bgr, frame), chroma=partial(self._chroma, frame))
 
@@ -165,10 +165,6 @@ class SteadyVideo(OnCanvas):
             maps = [self._map(frame, plane) for frame, plane in zip(self.samples, planes, strict=True)]
             self._fills[name] = _fill_of([_warped(plane, m, size) for plane, m in zip(planes, maps, strict=True)])
         return self._fills[name]
-
-
-def _luma(frame: Frame) -> Bytes:
-    return frame.luma
 
 
 def _bgr(frame: Frame) -> Bytes:
