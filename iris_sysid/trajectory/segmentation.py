@@ -45,7 +45,7 @@ def segment(world: Trajectory, *, hand: Mask | None = None, kind: MotionKind = "
 
     - ``oscillation`` and ``any``: the longest.
     - ``flight``: the first that falls and is at least half as long as the longest that is a parabola, which a bounce
-      ends. Time counts with the root of the acceleration, so that a long roll is no flight. A stretch is parted
+      ends. Time counts with the root of the acceleration, so that a long roll is not a flight. A stretch is parted
       where its course breaks.
     - ``slide``: along a straight line, monotone, from where it is slowest to where it leaves the line; the first that
       falls and is at least half as long as the longest, which the foot of the board ends.
@@ -200,7 +200,7 @@ def _flights(body: BodyMotion, stretch: Stretch) -> list[Stretch]:
 
 
 def _best_break(inside: BodyMotion, breaks: range) -> int:
-    """The number of the sample from which on another parabola leaves the least sum of squares."""
+    """The number of the sample at which the second parabola begins where two leave the least sum of squares."""
     left = [_left_by_parabola(inside, slice(k)) + _left_by_parabola(inside, slice(k, None)) for k in breaks]
     return breaks[int(np.argmin(left))]
 

@@ -111,7 +111,7 @@ def probability(candidate: TrackCandidate) -> float:
 def contradicted(candidate: TrackCandidate, others: Sequence[TrackCandidate]) -> bool:
     """Whether marks lead a candidate elsewhere than a good one goes that passes them without being led.
 
-    A path that marks lead passes them whatever it is on otherwise, so that passing them is no evidence for it.
+    A path that marks lead passes them whatever it is on otherwise, so that passing them is not evidence for it.
     """
     good = [other for other in others if other.name != LED and probability(other) >= DOUBTFUL]
     apart = [
