@@ -66,7 +66,7 @@ class Variances:
 
     @property
     def prior(self) -> Array:
-        """The variance of each column's coefficient over that of the noise."""
+        """The variance of each column's coefficient (k,) over that of the noise, dimensionless."""
         return np.repeat(self.variances, [group.size for group in self.groups])
 
     def coefficients(self, products: Products, kept: Sequence[int] | None = None) -> tuple[Columns, Array, Array]:

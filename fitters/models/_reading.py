@@ -32,7 +32,9 @@ def shifted(count: int, index: int, t_s: Array, states: Array, params: Array) ->
     ----------
     count, index
         How many states are observed, and the place of the first of as many zeros among the parameters.
-    t_s, states, params
-        As for :func:`magnified`.
+    t_s
+        (n,) s.
+    states, params
+        (n, s) and (p,), as for :func:`magnified`.
     """
     return states[:, :count] + params[index : index + count]

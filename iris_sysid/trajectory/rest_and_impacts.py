@@ -123,7 +123,7 @@ def _rest(inside: BodyMotion, start: int, stop: int, limit: float) -> Stretch:
 
 
 def fastest(speed: Array) -> float:
-    """The fastest of speeds (n,), but for the 5 % above: a single outlier must not set the scale."""
+    """The fastest of speeds (n,), m/s or px/s, without the 5 % above: one outlier must not set the scale."""
     return float(np.percentile(speed, 95))
 
 

@@ -6,32 +6,27 @@ so the same constants serve a webcam and a 4K clip. They are quantiles, not sett
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 
 from iris_sysid.errors import DataError
 from iris_sysid.trajectory import local_polynomials as local
+from iris_sysid.trajectory.flights import falls, flight_length, flights, is_parabola
 from iris_sysid.trajectory.rest_and_impacts import (
-    MIN_JUMP,
     MIN_SAMPLES,
     SIGNIFICANT,
-    SLOW,
     BodyMotion,
     Impact,
     Stretch,
     between,
     body_of,
-    fastest,
     rests,
     split_at_impacts,
 )
 from iris_sysid.trajectory.straight_line import straight_part
 from iris_sysid.types import Array, Mask, MotionKind, Segment, SegmentLabel, Trajectory, frozen_mask, runs
 
-PARABOLA = 0.05  # of its extent: what a flight leaves of a parabola is less, two flights with a bounce between more
-MAX_BREAKS = 200  # places of a break that are compared at a time: in a long stretch every k-th, then those around
 TO_THE_END = "to the last sample"
 EDGE = 6  # samples at either end that have too few neighbours for a jump, and are compared with an extrapolation
 
@@ -86,7 +81,7 @@ def segment(world: Trajectory, *, hand: Mask | None = None, kind: MotionKind = "
     moving = [gap for part in free for gap in between(part, resting)]
     stretches, impacts = split_at_impacts(body, moving)
     if kind == "flight":
-        stretches = [flight for stretch in stretches for flight in _flights(body, stretch)]
+        stretches = [flight for stretch in stretches for flight in flights(body, stretch)]
     motion = _choose(body, stretches, kind)
     if motion is None:
         raise DataError(_nothing_moves(world, held, resting))
@@ -139,104 +134,19 @@ def _choose(body: BodyMotion, stretches: list[Stretch], kind: MotionKind) -> Str
     if kind == "slide":
         candidates = [_straight(body, stretch) for stretch in candidates]
     if goes_down:
-        candidates = [stretch for stretch in candidates if _falls(body.part(stretch.start, stretch.stop))] or candidates
+        candidates = [stretch for stretch in candidates if falls(body.part(stretch.start, stretch.stop))] or candidates
     if not candidates:
         return None
     if kind == "flight":
-        parabolas = [stretch for stretch in candidates if _is_parabola(body.part(stretch.start, stretch.stop))]
+        parabolas = [stretch for stretch in candidates if is_parabola(body.part(stretch.start, stretch.stop))]
         candidates = parabolas or candidates
-    length = _flight_length if kind == "flight" else _samples
-    sizes = np.array([length(body.part(stretch.start, stretch.stop)) for stretch in candidates])
+    sizes = np.array([_size(body.part(stretch.start, stretch.stop), kind) for stretch in candidates])
     first = int(np.argmax(sizes >= (0.5 if goes_down else 1.0) * sizes.max()))
     return _without_outlying_ends(body, candidates[first])
 
 
-def _falls(inside: BodyMotion) -> bool:
-    """Whether its last coordinate, z, accelerates downwards significantly."""
-    if inside.index.size < MIN_SAMPLES:
-        return False
-    fitted, gain, _ = _parabola(inside)
-    return bool(fitted[2, -1] < -SLOW * gain[2] * inside.scale[-1])
-
-
-def _samples(inside: BodyMotion) -> float:
-    return float(inside.index.size)
-
-
-def _flight_length(inside: BodyMotion) -> float:
-    """Samples times the root of the downward acceleration, at least its error: what rolls on the floor has little."""
-    if inside.index.size < MIN_SAMPLES:
-        return 0.0
-    fitted, gain, _ = _parabola(inside)
-    return _samples(inside) * float(np.sqrt(max(-fitted[2, -1], gain[2] * inside.scale[-1])))
-
-
-def _is_parabola(inside: BodyMotion) -> bool:
-    """Whether its coordinates follow parabolas in time, to a small part of its extent."""
-    if inside.index.size < MIN_SAMPLES:
-        return False
-    _, _, residual = _parabola(inside)
-    return bool(np.sqrt((residual**2).sum(axis=-1).mean()) < PARABOLA * np.linalg.norm(np.ptp(inside.position, axis=0)))
-
-
-def _flights(body: BodyMotion, stretch: Stretch) -> list[Stretch]:
-    """The stretch, or its parts if it breaks: at a touch too soft, too hidden or too near to another for a jump.
-
-    It may break where two parabolas, one on either side, leave the least sum of squares. It does if it follows no
-    parabola itself, or if the velocities of the two differ there as at an impact.
-    """
-    inside = body.part(stretch.start, stretch.stop)
-    breaks = range(MIN_SAMPLES, inside.index.size - MIN_SAMPLES + 1)
-    if not breaks:
-        return [stretch]
-    stride = 1 + len(breaks) // MAX_BREAKS
-    near = _best_break(inside, breaks[::stride])
-    k = _best_break(inside, breaks[max(near - MIN_SAMPLES - stride + 1, 0) : near - MIN_SAMPLES + stride])
-    if (_is_parabola(inside) or _is_noise(inside)) and not _is_struck(inside, k):
-        return [stretch]
-    sample, reason = int(inside.index[k]), f"its course breaks at {inside.stamp_s[k - 1 : k + 1].mean():.3g} s"
-    before, after = replace(stretch, stop=sample, end=reason), replace(stretch, start=sample, begin=reason)
-    return [*_flights(body, before), *_flights(body, after)]
-
-
-def _best_break(inside: BodyMotion, breaks: range) -> int:
-    """The number of the sample at which the second parabola begins where two leave the least sum of squares."""
-    left = [_left_by_parabola(inside, slice(k)) + _left_by_parabola(inside, slice(k, None)) for k in breaks]
-    return breaks[int(np.argmin(left))]
-
-
-def _left_by_parabola(inside: BodyMotion, part: slice) -> float:
-    """Sum of squares that parabolas in time leave of the positions of a part."""
-    t_s = inside.t_s[part]
-    return float(np.polyfit(t_s - t_s.mean(), inside.position[part], 2, full=True)[1].sum())
-
-
-def _is_struck(inside: BodyMotion, k: int) -> bool:
-    """Whether the velocity jumps before sample ``k``, as the parabolas on either side have it, by as much as a blow."""
-    middle_s = inside.t_s[k - 1 : k + 1].mean(keepdims=True)
-    numbers = np.arange(inside.index.size)
-    sides = [
-        local.fit_windows(inside.t_s, inside.position, part[None], middle_s, 2) for part in (numbers[:k], numbers[k:])
-    ]
-    (before, gain_before, _), (after, gain_after, _) = sides
-    scatter = np.hypot(*(np.sqrt(np.mean(residual**2)) for _, _, residual in sides))
-    rate, _ = local.velocity(inside.t_s, inside.position, MIN_SAMPLES)
-    jump = float(np.hypot.reduce(after[0, 1] - before[0, 1]))
-    error = float(np.hypot(gain_before[0, 1], gain_after[0, 1]) * scatter)
-    return jump > max(MIN_JUMP * fastest(np.hypot.reduce(rate, axis=1)), SIGNIFICANT * error)
-
-
-def _is_noise(inside: BodyMotion) -> bool:
-    """Whether a parabola leaves no more than the noise of the track, as of a ball that falls away from the camera."""
-    _, _, residual = _parabola(inside)
-    return bool(np.all(np.sqrt(np.mean(residual**2, axis=0)) < SLOW * inside.scale))
-
-
-def _parabola(inside: BodyMotion) -> tuple[Array, Array, Array]:
-    """Coefficients (3, d) of the parabolas through all samples, their errors (3,) per unit noise, residuals (n, d)."""
-    every = np.arange(inside.index.size)[None]
-    fitted, gain, residual = local.fit_windows(inside.t_s, inside.position, every, inside.t_s[:1], 2)
-    return fitted[0], gain[0], residual[0]
+def _size(inside: BodyMotion, kind: MotionKind) -> float:
+    return flight_length(inside) if kind == "flight" else float(inside.index.size)
 
 
 def _straight(body: BodyMotion, stretch: Stretch) -> Stretch:

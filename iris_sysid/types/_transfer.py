@@ -75,12 +75,12 @@ class Transfer:
             )
 
     def light(self, code: Array) -> Array:
-        """Light, 1 at white, of codes from 0 to 1 of any shape; dimensionless. Codes below black give 0 or less."""
+        """Light (...,), 1 at white, of codes from 0 to 1 of any shape (...,); dimensionless. Codes below black give 0 or less."""
         code = np.asarray(code, dtype=np.float64)
         return np.asarray(CURVES[self.name][0](code, self.gamma))
 
     def code(self, light: Array) -> Array:
-        """Code, 0 to 1, of light of any shape; dimensionless."""
+        """Code (...,), 0 to 1, of light of any shape (...,); dimensionless."""
         light = np.asarray(light, dtype=np.float64)
         return np.asarray(CURVES[self.name][1](light, self.gamma))
 

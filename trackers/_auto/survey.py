@@ -81,7 +81,7 @@ class ObjectClass:
 
 
 def colour_distance(colour: Array, other: Array) -> float:
-    """Distance of two colours (luma, red, blue), luma counting a third."""
+    """Distance, grey levels, of two colours (3,), luma, red and blue: luma counts a third."""
     return float(np.linalg.norm((colour - other) * WEIGHTS))
 
 

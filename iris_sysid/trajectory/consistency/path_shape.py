@@ -67,7 +67,7 @@ def _single_run(t_s: Array, position: Array) -> PathShape:
 
 
 def reversals(values: Array) -> int:
-    """How often values (n,) turn back by more than a quarter of their range."""
+    """How often values (n,), in any unit, turn back by more than a quarter of their range."""
     return len(turning_values(values))
 
 
