@@ -75,7 +75,7 @@ class Transfer:
             )
 
     def light(self, code: Array) -> Array:
-        """Light (...,), 1 at white, of codes from 0 to 1 of any shape (...,); dimensionless. Codes below black give 0 or less."""
+        """Light (...,), 1 at white, of codes (...,) from 0 to 1, dimensionless; codes below black give 0 or less."""
         code = np.asarray(code, dtype=np.float64)
         return np.asarray(CURVES[self.name][0](code, self.gamma))
 
