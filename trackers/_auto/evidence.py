@@ -89,7 +89,7 @@ class Patches:
 
     @property
     def body(self) -> Array:
-        """The body's colour (3,), grey levels: that of the patch which is most like the others, as none has a mixture."""
+        """The body's colour (3,), grey levels: that of the patch most like the others: none has a mixture."""
         apart = np.linalg.norm((self.inside[:, np.newaxis] - self.inside) * WEIGHTS, axis=2)
         return np.asarray(self.inside[int(np.argmin(apart.sum(axis=1)))])
 
