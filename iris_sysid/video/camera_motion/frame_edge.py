@@ -23,7 +23,19 @@ def seen_part(inside: Array) -> tuple[Array, Array]:
 
 
 def is_whole(xy_px: Array, track: Track, to_frame: Array, size: tuple[int, int]) -> Mask:
-    """Where (n,) the body, or its centre where no radius is known, at (n, 2) px lies within its frame of that size."""
+    """Where (n,) the body, or its centre where no radius is known, lies within its frame.
+
+    Parameters
+    ----------
+    xy_px
+        Positions (n, 2) in the reference frame.
+    track
+        Has the radii, px, and where the body was found.
+    to_frame
+        (n, 2, 3) affine maps from the reference to each frame.
+    size
+        Width and height of the frames, px.
+    """
     radius = np.zeros(len(xy_px)) if track.radius_px is None else np.nan_to_num(track.radius_px)
     with np.errstate(invalid="ignore"):
         from_edges = _from_edges(mapped(to_frame, xy_px), size) >= radius[:, np.newaxis]
@@ -35,10 +47,17 @@ def completed(
 ) -> tuple[Array, Array, Mask]:
     """Positions (n, 2) px of the whole body, what their errors grow by (n,) px, and where (n,) it is known.
 
-    Where one side of the frame cuts less than half of a disc, as large as where it is ``whole`` (n,), the distance of
-    the visible part's centroid from the edge says where its centre is; how far the visible area is from that of a disc
-    cut so, as the radius of a disc of that area, is the standard error. A radius that is the body's own is of a
-    position that is so already.
+    Where one side of the frame cuts less than half of a disc, as large as where it is whole, the distance of the
+    visible part's centroid from the edge says where its centre is; how far the visible area is from that of a disc cut
+    so, as the radius of a disc of that area, is the standard error. A radius that is the body's own is of a position
+    that is so already.
+
+    Parameters
+    ----------
+    xy_px, track, to_frame, size
+        As for :func:`is_whole`.
+    whole
+        What that gave (n,).
     """
     places, error_px, known = xy_px.copy(), np.zeros(len(xy_px)), whole.copy()
     free = ~whole if track.hand is None else ~whole & ~track.hand
