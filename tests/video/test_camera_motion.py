@@ -11,7 +11,7 @@ from iris_sysid.pipeline import camera_note, track
 from iris_sysid.registry import TRACKERS
 from iris_sysid.report.overlay import draw_body
 from iris_sysid.types import Track, TrackCandidate, TrackMark, TrackOptions, mapped
-from iris_sysid.video.camera_motion.frame_edge import seen_part
+from iris_sysid.video.camera_motion.frame_edge import completed, is_whole, seen_part
 from iris_sysid.video.camera_motion.reference import NOT_MEASURED, in_reference, on_canvas
 from iris_sysid.video.camera_motion.registration import scatter_in_time
 from iris_sysid.video.camera_motion.steady import examined
@@ -290,3 +290,16 @@ def test_bodies_that_move_alike_before_a_plain_wall_are_bodies(two_movers_clip):
         assert body.camera_motion is None
         assert np.ptp(body.xy_px[body.valid, 0]) == pytest.approx(60.0, abs=1.0)
         assert [doubt.kind for doubt in body.quality.doubts] == ["moving-camera"]
+
+
+def test_a_body_that_its_frame_cuts_is_believed_next_to_a_frame_in_which_it_is_whole():
+    xy = np.array([[6.0, 50.0], [8.0, 50.0], [12.0, 50.0], [22.0, 50.0], [32.0, 50.0]])
+    radius = np.array([9.0, 9.5, 10.0, 10.0, 10.0])
+    still = np.tile(np.eye(2, 3), (5, 1, 1))
+    for found, expected in (([1, 1, 1, 1, 1], [1, 1, 1, 1, 1]), ([1, 0, 1, 1, 1], [0, 0, 1, 1, 1])):
+        valid = np.array(found, dtype=bool)
+        seen, rows = np.where(valid[:, None], xy, np.nan), np.arange(5)
+        ball = Track(rows / 30, seen, np.ones((5, 2)), valid, rows, radius_px=np.where(valid, radius, np.nan))
+        whole = is_whole(seen, ball, still, (100, 100))
+        _, _, known = completed(seen, ball, still, (100, 100), whole)
+        assert (known & valid).tolist() == [bool(one) for one in expected]

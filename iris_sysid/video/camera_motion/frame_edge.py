@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from iris_sysid.types import Array, Mask, Track, mapped
+from iris_sysid.types import Array, Mask, Track, mapped, runs
 
 LIKE_THE_BODY = 0.35  # of its radius: how far the visible part's may differ from that of a disc cut so
 STEPS = 200  # of the distance from the edge, in which the visible part of a disc is worked out
@@ -50,7 +50,7 @@ def completed(
     Where one side of the frame cuts less than half of a disc, as large as where it is whole, the distance of the
     visible part's centroid from the edge says where its centre is; how far the visible area is from that of a disc cut
     so, as the radius of a disc of that area, is the standard error. A radius that is the body's own is of a position
-    that is so already.
+    that is so already. Alone, without a frame next to it in which the body is whole, it may be anything.
 
     Parameters
     ----------
@@ -79,6 +79,8 @@ def completed(
         if known[row] and unlike < as_whole:
             here[side % 2] += np.sign(side - 1.5) * (away[side] - of_centre * radius)
             places[row] = mapped(cv2.invertAffineTransform(to_frame[row]), here[np.newaxis])[0]
+    for start, stop in runs(known & track.valid):
+        known[start:stop] &= whole[start:stop].any()
     return places, error_px, known
 
 
