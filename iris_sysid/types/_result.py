@@ -86,7 +86,7 @@ def _doubts_of_incomplete(equation: Completeness, accuracy: Mapping[str, float])
     return doubts
 
 
-def _relative(estimates: Mapping[str, Estimate], names: Iterable[str]) -> dict[str, float]:
+def relative_errors(estimates: Mapping[str, Estimate], names: Iterable[str]) -> dict[str, float]:
     """The relative error, for each name that has a value and an error; of the first whatever it is, else below 1.
 
     It is the standard error, or the half width of the 95 % interval over 1.96 where that is more: of few samples, or of
@@ -110,7 +110,7 @@ def _accuracy(model: OdeModel, free: Sequence[str], estimates: Mapping[str, Esti
     physical = [name for name in free if roles.get(name) in ("physical", "gravity")]
     derived = [name for name, one in estimates.items() if one.measurement_type == "derived"]
     choices = (physical, derived, [name for name in free if name in roles])
-    return next(filter(None, (_relative(estimates, names) for names in choices)), {})
+    return next(filter(None, (relative_errors(estimates, names) for names in choices)), {})
 
 
 def _explained(motion: Array, residual: Array, units: Sequence[str]) -> float:
