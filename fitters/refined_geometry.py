@@ -32,8 +32,7 @@ def with_constants(
     """
     model = MODELS.named(phenomenon.model)
     names = {parameter.name for parameter in model.parameters}
-    flight = (phenomenon.motion, phenomenon.measures) == ("flight", "position")
-    if flight and any(quantity.unit == "px" for quantity in trajectory.quantities):
+    if phenomenon.free_flight and any(quantity.unit == "px" for quantity in trajectory.quantities):
         free = [*free, *(parameter.name for parameter in model.with_role("gravity"))]
     fixed = {**trajectory.known, **{name: value for name, value in known.items() if name in names}}
     wanted = [name for name in dict.fromkeys((*phenomenon.free, *free)) if name not in fixed]

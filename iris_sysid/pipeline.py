@@ -422,8 +422,7 @@ def check_request(
     for name in geometry.marks_px:
         if not {f"{name}_x", f"{name}_z"} & names.keys():
             raise UnknownNameError(f"{phenomenon.name} has no use for the mark {name!r}")
-    flight = (phenomenon.motion, phenomenon.measures) == ("flight", "position")
-    if geometry.scale_from_gravity is not None and not flight:
+    if geometry.scale_from_gravity is not None and not phenomenon.free_flight:
         raise CalibrationError(f"gravity gives the scale of a free flight only, not of {phenomenon.name}")
 
 

@@ -53,7 +53,7 @@ def evidence_of(
         found[DIAMETER] = diameter
     if phenomenon.motion == "oscillation":
         found |= _of_a_swing(world, trajectory, fit)
-    elif phenomenon.motion == "flight" and phenomenon.measures == "position":
+    elif phenomenon.free_flight:
         found |= _of_a_flight(world, trajectory)
     return {name: value for name, value in found.items() if math.isfinite(value.value) and math.isfinite(value.stderr)}
 

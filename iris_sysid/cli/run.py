@@ -47,7 +47,7 @@ def run(
     typer.echo(f"report: {page}", err=True)
     _terminal.check_usable(result.fit)
     if is_in_px(result.fit) and not json:
-        by_fall = "--scale gravity=9.81, by the fall; " if chosen.motion == "flight" else ""
+        by_fall = "--scale gravity=9.81, by the fall; " if chosen.free_flight else ""
         typer.echo(
             f"lengths are in px; for metres state a scale: --scale 640px=1m; {by_fall}or --scale-bar x1,y1,x2,y2=0.84m "
             "with places that this picture shows:",

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import brentq
 
-from iris_sysid.types import NORMAL_975, Estimate, normal_cdf
+from iris_sysid.types import Estimate, normal_cdf
 
 NEGLIGIBLE = 4.0  # standard errors above the threshold, beyond which the correction is below 1e-3 of a standard error
 LOWEST = -30.0  # standard errors: lower limit of the true size
@@ -29,8 +29,7 @@ def corrected_for_selection(size: Estimate, critical: float) -> Estimate:
     critical
         Standard errors above which it counts as significant.
     """
-    low, high = size.interval
-    scale = float(np.copysign(0.5 * (high - low) / NORMAL_975, size.value))
+    scale = float(np.copysign(size.interval_stderr, size.value))
     if not 0.0 < critical < size.value / scale < critical + NEGLIGIBLE:
         return size
     value, *ends = (scale * _true_size(size.value / scale, critical, share) for share in (0.5, 0.025, 0.975))

@@ -8,13 +8,12 @@ import numpy as np
 
 from iris_sysid.trajectory import local_polynomials as local
 from iris_sysid.trajectory.rest_and_impacts import (
-    MIN_JUMP,
     MIN_SAMPLES,
     SIGNIFICANT,
     SLOW,
     BodyMotion,
     Stretch,
-    fastest,
+    smallest_jump,
 )
 from iris_sysid.types import Array
 
@@ -68,14 +67,15 @@ def flights(body: BodyMotion, stretch: Stretch) -> list[Stretch]:
 
 def _best_break(inside: BodyMotion, breaks: range) -> int:
     """The number of the sample at which the second parabola begins where two leave the least sum of squares."""
-    left = [_left_by_parabola(inside, slice(k)) + _left_by_parabola(inside, slice(k, None)) for k in breaks]
+    numbers = np.arange(inside.index.size)
+    left = [_left_by_parabola(inside.only(numbers < k)) + _left_by_parabola(inside.only(numbers >= k)) for k in breaks]
     return breaks[int(np.argmin(left))]
 
 
-def _left_by_parabola(inside: BodyMotion, part: slice) -> float:
-    """Sum of squares that parabolas in time leave of the positions of a part."""
-    t_s = inside.t_s[part]
-    return float(np.polyfit(t_s - t_s.mean(), inside.position[part], 2, full=True)[1].sum())
+def _left_by_parabola(inside: BodyMotion) -> float:
+    """Sum of squares that parabolas in time leave of the positions."""
+    _, _, residual = _parabola(inside)
+    return float((residual**2).sum())
 
 
 def _is_struck(inside: BodyMotion, k: int) -> bool:
@@ -87,10 +87,9 @@ def _is_struck(inside: BodyMotion, k: int) -> bool:
     ]
     (before, gain_before, _), (after, gain_after, _) = sides
     scatter = np.hypot(*(np.sqrt(np.mean(residual**2)) for _, _, residual in sides))
-    rate, _ = local.velocity(inside.t_s, inside.position, MIN_SAMPLES)
     jump = float(np.hypot.reduce(after[0, 1] - before[0, 1]))
     error = float(np.hypot(gain_before[0, 1], gain_after[0, 1]) * scatter)
-    return jump > max(MIN_JUMP * fastest(np.hypot.reduce(rate, axis=1)), SIGNIFICANT * error)
+    return jump > max(smallest_jump(inside), SIGNIFICANT * error)
 
 
 def _is_noise(inside: BodyMotion) -> bool:

@@ -90,8 +90,8 @@ def rests(body: BodyMotion, part: Stretch) -> list[Stretch]:
     if np.all(np.std(inside.position, axis=0) < STILL * inside.scale):
         return [replace(part, begin=f"it stays within {STILL:g} times the noise of the track")]
     width, speed, error = _speed(inside)
-    limit = np.maximum(SLOW * error, SLOWEST * fastest(speed))
-    if np.median(limit) > TELLING * fastest(speed):
+    limit = np.maximum(SLOW * error, SLOWEST * _fastest(speed))
+    if np.median(limit) > TELLING * _fastest(speed):
         return []
     return [
         _rest(inside, start, stop, float(np.median(limit)))
@@ -110,7 +110,7 @@ def _speed(inside: BodyMotion) -> tuple[int, Array, Array]:
     while True:
         rate, gain = local.velocity(inside.t_s, inside.position, width)
         speed, error = np.hypot.reduce(rate, axis=1), gain * np.hypot.reduce(inside.scale)
-        if SLOW * np.median(error) < TELLING * fastest(speed) or 2 * width > size // 2:
+        if SLOW * np.median(error) < TELLING * _fastest(speed) or 2 * width > size // 2:
             return width, speed, error
         width *= 2
 
@@ -122,9 +122,8 @@ def _rest(inside: BodyMotion, start: int, stop: int, limit: float) -> Stretch:
     return Stretch(int(inside.index[first]), int(inside.index[last]) + 1, text)
 
 
-def fastest(speed: Array) -> float:
-    """The fastest of speeds (n,), m/s or px/s, without the 5 % above: one outlier must not set the scale."""
-    return float(np.percentile(speed, 95))
+def _fastest(speed: Array) -> float:
+    return float(np.percentile(speed, 95))  # a single outlier must not set the scale
 
 
 def _while_in_place(body: BodyMotion, start: int, stop: int) -> tuple[int, int]:
@@ -178,8 +177,7 @@ def _impacts(body: BodyMotion, part: Stretch) -> list[Impact]:
     inside = body.part(part.start, part.stop)
     if inside.index.size < MIN_SAMPLES:
         return []
-    rate, _ = local.velocity(inside.t_s, inside.position, MIN_SAMPLES)
-    smallest = MIN_JUMP * fastest(np.hypot.reduce(rate, axis=1))
+    smallest = smallest_jump(inside)
     sizes: dict[int, float] = {}
     seen = [local.jumps(inside.t_s, inside.position, inside.scale, width) for width in JUMP_WIDTHS]
     widest = seen[-1][0]
@@ -196,6 +194,12 @@ def _impacts(body: BodyMotion, part: Stretch) -> list[Impact]:
         )
         for step, size in sorted(sizes.items())
     ]
+
+
+def smallest_jump(inside: BodyMotion) -> float:
+    """The jump of the velocity, m/s or px/s, below which a body was not struck."""
+    rate, _ = local.velocity(inside.t_s, inside.position, MIN_SAMPLES)
+    return MIN_JUMP * _fastest(np.hypot.reduce(rate, axis=1))
 
 
 def _lasts(jump: Array, wider: Array) -> bool:

@@ -63,6 +63,12 @@ class Estimate:
             return self.ci95
         return (self.value - NORMAL_975 * self.stderr, self.value + NORMAL_975 * self.stderr)
 
+    @property
+    def interval_stderr(self) -> float:
+        """The standard error of a normal distribution with this 95 % interval."""
+        low, high = self.interval
+        return (high - low) / 2 / NORMAL_975
+
     def __str__(self) -> str:
         """Value, standard error and unit, e.g. ``0.5 ± 0.001 m``."""
         error = f" ± {self.stderr:.2g}" if self.stderr > 0 else ""

@@ -87,5 +87,10 @@ class Phenomenon(Portable):
     measures: Literal["position", "height", "radius", "angle", "intensity"] = "position"
     classes: tuple[BenchmarkClass, ...] = ()
 
+    @property
+    def free_flight(self) -> bool:
+        """Whether positions of a free flight are measured: gravity gives their scale."""
+        return (self.motion, self.measures) == ("flight", "position")
+
     def __repr__(self) -> str:
         return text_of(f"Phenomenon {self.name}: {self.summary}", f"tracker {self.tracker}, model {self.model}")

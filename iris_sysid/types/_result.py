@@ -12,7 +12,7 @@ import numpy as np
 from iris_sysid.types._arrays import Array, Mask
 from iris_sysid.types._display import Brief, Shown, text_of, values_of
 from iris_sysid.types._model import OdeModel
-from iris_sysid.types._numbers import NORMAL_975, Estimate
+from iris_sysid.types._numbers import Estimate
 from iris_sysid.types._pickling import Portable
 from iris_sysid.types._verdict import (
     Completeness,
@@ -99,9 +99,8 @@ def relative_errors(estimates: Mapping[str, Estimate], names: Iterable[str]) -> 
 
 
 def _error(one: Estimate) -> float:
-    """The standard error, or that which the 95 % interval would have if it were normal, whichever is more."""
-    low, high = one.interval
-    return max(one.stderr, (high - low) / 2 / NORMAL_975) if math.isfinite(high - low) else one.stderr
+    """The standard error, or that of the 95 % interval where it is more and finite."""
+    return max(one.stderr, one.interval_stderr) if math.isfinite(one.interval_stderr) else one.stderr
 
 
 def _accuracy(model: OdeModel, free: Sequence[str], estimates: Mapping[str, Estimate]) -> dict[str, float]:

@@ -43,6 +43,9 @@ class Peaks:
         return Peaks(self.xy[kept], self.score[kept])
 
 
+NOWHERE = Peaks(np.zeros((0, 2)), np.zeros(0))
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class Appearance:
     """Log likelihood ratio of body to scene by luma and chroma, and the body's radius in px of the search image."""

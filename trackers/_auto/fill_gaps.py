@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iris_sysid.types import Array, FrameSource, Mask, Track, TrackMark
-from trackers._auto.appearance import Peaks, search_image
+from trackers._auto.appearance import NOWHERE, Peaks, search_image
 from trackers._auto.best_path import MARKED, best_path
 from trackers._auto.evidence import held_rows, missed_marks, passes, usual_radius
 from trackers._auto.follow_appearance import APART, REACH_RADII, REACH_SHARE, ROUGH
@@ -20,7 +20,6 @@ from trackers._frames.working_image import View
 from trackers._linking.frame_to_frame import MAX_GAP, SPEED_CHANGE
 
 MIN_SEEN = 3  # rows that say where the body goes
-_NOWHERE = Peaks(np.zeros((0, 2)), np.zeros(0))
 
 
 def with_gaps_filled(video: FrameSource, scene: SampledScene, track: Track, others: Sequence[Track] = ()) -> Track:
@@ -77,14 +76,14 @@ def _places(video: FrameSource, view: View, track: Track, known: KnownLooks, oth
     gap[: seen[0]] = gap[seen[-1] :] = False
     expected = {row: ways for row, ways in _expected(track, usual_radius(track)).items() if lost[row]}
     at = {int(number): row for row, number in enumerate(track.frame)}
-    places = [_NOWHERE] * len(track.frame)
+    places = [NOWHERE] * len(track.frame)
     for row in seen:
         places[row] = Peaks(np.array([view.in_search(*track.xy_px[row])]), np.array([MARKED]))
     for frame in video.frames():
         here = at.get(frame.index)
         if here is not None and (gap[here] or here in expected):
             image = search_image(view, frame)
-            found = known.plainly_in(image) if gap[here] else _NOWHERE
+            found = known.plainly_in(image) if gap[here] else NOWHERE
             for place, reach in expected.get(here, ()):
                 found = (
                     found if len(found.score) else known.expected_in(image, view.in_search(*place), reach / view.step)

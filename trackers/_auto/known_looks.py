@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trackers._auto.appearance import MIN_SCORE, Appearance, Peaks, learn, score_at
+from trackers._auto.appearance import MIN_SCORE, NOWHERE, Appearance, Peaks, learn, score_at
 from trackers._auto.scene import Place
 from trackers._frames.arrays import Bytes, Image
 
@@ -46,7 +46,7 @@ class KnownLooks:
         away = {k: np.hypot(*np.subtract(at, place)) > reach + 2 * self.looks.radius for k, at in self.places.items()}
         chance = [float(self.maps[k][window].max()) for k, is_away in away.items() if is_away and window.any()]
         if len(chance) < MIN_ELSEWHERE:
-            return Peaks(np.zeros((0, 2)), np.zeros(0))
+            return NOWHERE
         score = np.where(window, self.looks.score_map(image), -np.inf)
         y, x = np.unravel_index(int(np.argmax(score)), score.shape)
         seen = Peaks(np.array([[x, y]], dtype=np.float64), np.array([float(score[y, x])]))
