@@ -72,15 +72,15 @@ class Layout:
     def products(self, rho: float, tolerance: float = 0.0) -> Products:
         """Sums over all clips for noise of one correlation; components are right to ``tolerance`` of the residual."""
         information, along = np.zeros((self.count, self.count)), np.zeros(self.count)
-        squares, degrees, log_scale = 0.0, 0, 0.0
+        squares, degrees, log_scale, volume = 0.0, 0, 0.0, 0.0
         for clip, responses, places in zip(self.clips, self.responses, self.places, strict=True):
             white = clip.residual.whitened(responses, rho)
             information[np.ix_(places, places)] += white.information
             along[places] += white.components
             squares, degrees = squares + white.squares, degrees + white.degrees
-            log_scale += white.log_scale
+            log_scale, volume = log_scale + white.log_scale, volume + white.volume
         floor = tolerance**2 * squares / degrees
-        return Products(information, along, squares, degrees, log_scale, floor)
+        return Products(information, along, squares, degrees, log_scale - volume, volume, floor)
 
 
 def _mean_square(bases: Sequence[Basis], clips: Sequence[ClipResidual]) -> float:

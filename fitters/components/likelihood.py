@@ -25,7 +25,8 @@ Columns = NDArray[np.intp]
 class Products:
     """Sums over all samples, whitened for one correlation of the noise and freed of the fitted values.
 
-    ``information`` (k, k) and ``along`` (k,) of the columns, ``squares`` of the residual, over ``degrees``. The noise
+    ``information`` (k, k) and ``along`` (k,) of the columns, ``squares`` of the residual, over ``degrees``;
+    ``log_scale`` is added to a log likelihood, and holds minus the ``volume`` of the fitted values. The noise
     has at least the variance ``floor``: the components are a linear response, right to a few per cent, and a smaller
     rest tells nothing of them.
     """
@@ -35,6 +36,7 @@ class Products:
     squares: float
     degrees: int
     log_scale: float
+    volume: float = 0.0
     floor: float = 0.0
 
     def noise(self, squares: float) -> float:

@@ -45,7 +45,8 @@ class NoisyResidual:
             values - basis @ (basis.T @ values),
             columns - basis @ (basis.T @ columns),
             max(values.size - basis.shape[1], 1),
-            self.values.shape[1] * float(np.sum(np.log(scale))) - float(volume),
+            self.values.shape[1] * float(np.sum(np.log(scale))),
+            float(volume),
         )
 
 
@@ -65,21 +66,22 @@ def _white(series: Array, kept: Array, scale: Array) -> Array:
     """Innovations (n * d, k) of a series (n, d, k), of the same variance as the series itself."""
     rest = series.copy()
     rest[1:] -= kept[:, None, None] * series[:-1]
-    return np.asarray((rest * scale[:, None, None]).reshape(-1, series.shape[2]))
+    return np.asarray((rest * scale[:, None, None]).reshape(len(series) * series.shape[1], series.shape[2]))
 
 
 @dataclass(frozen=True, eq=False)
 class Whitened:
     """A residual (q,) and responses (q, k), as independent noise has them, without what fitted values can imitate.
 
-    ``degrees`` is q less the number of fitted values; ``log_scale`` is what the change of variables and the fitted
-    values add to the log likelihood (restricted likelihood).
+    ``degrees`` is q less the number of fitted values; ``log_scale`` is what the change of variables adds to the log
+    likelihood, ``volume`` what the fitted values take from it (restricted likelihood).
     """
 
     residual: Array
     responses: Array
     degrees: int
     log_scale: float
+    volume: float
 
     @cached_property
     def information(self) -> Array:

@@ -48,7 +48,7 @@ def split(clips: Sequence[ClipResidual]) -> Components | None:
     Components or None
         None where there are too few samples.
     """
-    clips = [_thinned(clip, len(clips)) for clip in clips]
+    clips = [thinned(clip, len(clips)) for clip in clips]
     if sum(clip.residual.values.size - clip.residual.jacobian.shape[2] for clip in clips) < MIN_SAMPLES:
         return None
     found = searched(clips)
@@ -118,7 +118,7 @@ def _along(clip: ClipResidual, course: Array) -> ClipResidual:
     return replace(clip, motion=replace(motion, states=states))
 
 
-def _thinned(clip: ClipResidual, clips: int) -> ClipResidual:
+def thinned(clip: ClipResidual, clips: int) -> ClipResidual:
     """Every second (third, ...) sample of a long clip."""
     step = -(-clip.residual.t_s.size * clips // MAX_SAMPLES)
     if step <= 1:

@@ -19,12 +19,14 @@ import numpy as np
 from fitters.components import marginal
 from fitters.ode import FitRequest, solve
 from fitters.ode.weak_fit import is_observed, weak_fit
+from iris_sysid.diagnosis.component_support import EVIDENT_SHARE
 from iris_sysid.diagnosis.contributions import starts_of
 from iris_sysid.diagnosis.evidence import best_first
 from iris_sysid.diagnosis.fit_cache import FitCache
 from iris_sysid.diagnosis.held_out_blocks import ALIKE
 from iris_sysid.diagnosis.kept_component import kept_effects
 from iris_sysid.diagnosis.library import EffectLibrary
+from iris_sysid.diagnosis.model_averaging import spanning
 from iris_sysid.diagnosis.noise_notes import noise_notes
 from iris_sysid.diagnosis.notes import diagnostic_notes, negative_damping_note, weak_notes
 from iris_sysid.diagnosis.open_world import Judgement, OpenWorld, with_components
@@ -152,8 +154,6 @@ def diagnose(
             search.run(start, extend=_residual_ratio(start, base) <= COMPLETE)
             if _is_complete(clips, search.reached[-1], base):
                 answer = _of_complete(cache, OpenWorld(cache, components), world, search.reached)
-        if answer is not None and _residual_ratio(answer.final, base) > COMPLETE:
-            answer = None if answer.world.shares.predicts_better(judgement.model, answer.final) else answer
         if answer is not None and _is_worse(answer, world, judgement.model):
             answer = None
     except STOPPED as why:
@@ -198,12 +198,8 @@ def _complete_start(cache: FitCache, world: OpenWorld, judged: ModelWithEffects)
 
 
 def _is_worse(answer: _Answer, world: OpenWorld, judged: ModelWithEffects) -> bool:
-    """Whether what imitates anything, fitted without a name, spoils the prediction of blocks left out.
-
-    The judged model does without it there, or has no more effects.
-    """
-    fewer = len(judged.effects) <= len(answer.final.effects) and world.shares.testable
-    if not fewer or not any(effect.absorbs for effect in answer.nuisances):
+    """Whether a judged model with no more effects predicts blocks left out better: the answer absorbs what it lacks."""
+    if len(judged.effects) > len(answer.final.effects) or not world.shares.testable:
         return False
     (_, own), (_, others) = answer.heldout[1], world.shares.heldout(judged)
     return own**2 > ALIKE * others**2
@@ -297,10 +293,12 @@ def _of_complete(
     None where that is so only with effects whose intervals hold zero, or with effects that can imitate anything and
     have no other evidence: then blocks left out decide.
     """
-    report, weak = _without_weak(cache, path[-1])
+    report, weak = _settled(cache, world, path[-1])
     final = report.final
     sure = _residual_ratio(final, cache.base) <= COMPLETE
-    if (weak and not _is_complete(cache.clips, final, cache.base)) or world.rests_on_absorbing(final, sure):
+    if (weak and not _is_complete(cache.clips, final, cache.base)) or any(
+        world.shares.share_of(final, effect) >= EVIDENT_SHARE for effect in world.imitating(final)
+    ):
         return None
     shares = {}
     for effect in final.effects:
@@ -309,7 +307,7 @@ def _of_complete(
         # most effects were fitted alone only in the search
         shares[effect.name] = searched.rivals.with_alone(odds, final, effect, sure=decided)
     rivals = {name: [other for other in names if other != name] for name, names in shares.items()}
-    findings = world.of_complete(final, rivals, sure)
+    findings = world.of_complete(final, rivals)
     said = {name for finding in findings if finding.word in ("named", "group") for name in finding.effects[:1]}
     added = tuple(effect for effect in final.effects if effect.name in said)
     return _Answer(
@@ -337,7 +335,7 @@ def _of_open(cache: FitCache, world: OpenWorld, judgement: Judgement) -> _Answer
     finals = tuple(
         _in_weak_form(cache.clips[k], fitted, judgement.weak[k])
         if judgement.weak
-        else _in_open_world(world, judgement.model, fitted, k, cache.clips[k])
+        else _in_open_world(world, judgement, fitted, k, cache.clips[k])
         for k, fitted in enumerate(final.fits)
     )
     model = replace(final, fits=finals)
@@ -399,14 +397,13 @@ def _in_weak_form(clip: FitRequest, fitted: FitResult, values: Mapping[str, tupl
     return run if run.usable else fitted
 
 
-def _in_open_world(
-    world: OpenWorld, judged: ModelWithEffects, fitted: FitResult, k: int, clip: FitRequest
-) -> FitResult:
+def _in_open_world(world: OpenWorld, judgement: Judgement, fitted: FitResult, k: int, clip: FitRequest) -> FitResult:
     """The fit of the k-th clip with errors that hold where the residual is not noise.
 
-    They come from the scatter of fits without a block; those of the equation's own values are at least those beside
-    the components of the residual, which may have moved them.
+    They come from the scatter of fits without a block, and of those with a rival in the place of an effect; those of
+    the equation's own values are at least those beside the components of the residual, which may have moved them.
     """
+    judged = judgement.model
     sizes = {parameter.name for effect in judged.effects for parameter in effect.parameters}
     estimates = world.shares.errors(judged).estimates(k, fitted) if world.shares.testable else {}
     residual = clip_residual(clip, fitted)
@@ -417,7 +414,13 @@ def _in_open_world(
             known = estimates.get(name, fitted.estimates[name])
             if error > known.stderr and name not in sizes:
                 estimates[name] = replace(known, stderr=float(error), ci95=None)
-    return replace(fitted, estimates={**fitted.estimates, **estimates})
+    every = {**fitted.estimates, **estimates}
+    for effect in judged.effects:
+        rivals = world.rivals.instead_of(judged, effect, judgement.rivals[effect.name])
+        for name in set(fitted.free) - sizes:
+            others = [each.fits[k].estimates[name] for each in rivals if name in each.fits[k].free]
+            every[name] = spanning(every[name], others)
+    return replace(fitted, estimates=every)
 
 
 def _diagnosis(
@@ -475,21 +478,34 @@ def _causes(shares: Mapping[str, float], effects: Mapping[str, Effect]) -> dict[
     return dict(sorted(causes.items(), key=lambda item: -item[1]))
 
 
-def _without_weak(cache: FitCache, final: ModelWithEffects) -> tuple[SearchReport, list[tuple[str, Estimate]]]:
-    """The report on the effects whose interval excludes zero, and the sizes of those that were left out."""
+def _settled(
+    cache: FitCache, world: OpenWorld, final: ModelWithEffects
+) -> tuple[SearchReport, list[tuple[str, Estimate]]]:
+    """The report on the effects whose interval excludes zero, and the sizes of those that were left out.
+
+    One whose size is not known, or that may imitate what it explains, gives way to a rival that explains it as well.
+    """
     weak: list[tuple[str, Estimate]] = []
     while True:
         report = SearchReport(cache, final)
         sizes = {effect.name: report.size(effect.parameters[0].name) for effect in final.effects}
-        doubtful = [effect for effect in final.effects if holds_zero(sizes[effect.name])]
-        if not doubtful:
+        unsized = [effect for effect in final.effects if holds_zero(sizes[effect.name])]
+        unsized.sort(key=lambda effect: abs(sizes[effect.name].value) / sizes[effect.name].stderr)
+        doubtful = [*unsized, *(each for each in world.imitating(final) if each not in unsized)]
+        rivals = (rival for effect in doubtful for rival in cache.equally_good(final, effect))
+        rival = next((each for each in rivals if _is_sized(cache, each) and not world.imitating(each)), None)
+        rest = None if rival or not unsized else cache.without(final, unsized[0])
+        if rival is None and (rest is None or not rest.usable):
             return report, weak
-        least = min(doubtful, key=lambda effect: abs(sizes[effect.name].value) / sizes[effect.name].stderr)
-        rest = cache.without(final, least)
-        if not rest.usable:
-            return report, weak
-        weak.append((least.name, sizes[least.name]))
-        final = rest
+        if rest is not None:
+            weak.append((unsized[0].name, sizes[unsized[0].name]))
+        final = rival or rest or final
+
+
+def _is_sized(cache: FitCache, model: ModelWithEffects) -> bool:
+    """Whether the interval of every size excludes zero."""
+    report = SearchReport(cache, model)
+    return not any(holds_zero(report.size(effect.parameters[0].name)) for effect in model.effects)
 
 
 def _proposed(clips: Sequence[FitRequest], final: ModelWithEffects) -> tuple[DiscoveredTerm, ...]:

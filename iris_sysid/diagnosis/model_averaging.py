@@ -15,7 +15,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from iris_sysid.diagnosis.score_test import combined
-from iris_sysid.types import Estimate, Score, normal_cdf
+from iris_sysid.types import NORMAL_975, Estimate, Score, normal_cdf
 
 FAR = 8.0  # standard errors that bracket the quantiles of a mixture: the probability beyond is 1e-15
 
@@ -55,6 +55,24 @@ def averaged_over_alternatives(chosen: Estimate, alternatives: Sequence[tuple[Es
     factor = max(float(np.average(np.nan_to_num(errors), weights=weights)) / chosen.stderr, 1.0)
     low, high = (chosen.value + factor * (end - chosen.value) for end in chosen.interval)
     return replace(chosen, stderr=factor * chosen.stderr, ci95=(low, high))
+
+
+def spanning(chosen: Estimate, alternatives: Sequence[Estimate]) -> Estimate:
+    """Widen the interval of a value to those of models that predict as well: none of them can be ruled out.
+
+    Parameters
+    ----------
+    chosen
+        The value in one of the models.
+    alternatives
+        The value in each of the others.
+    """
+    if not alternatives:
+        return chosen
+    intervals = np.array([each.interval for each in (chosen, *alternatives)])
+    low, high = float(np.nanmin(intervals[:, 0])), float(np.nanmax(intervals[:, 1]))
+    reach = max(chosen.value - low, high - chosen.value)
+    return replace(chosen, stderr=max(chosen.stderr, reach / NORMAL_975), ci95=(low, high))
 
 
 def competing_effect(scores: Sequence[Score], name: str, independent: float) -> CompetingEffect | None:

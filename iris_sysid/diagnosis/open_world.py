@@ -8,15 +8,18 @@ imitate a piece of anything (a force of any frequency, a blow at any moment) is 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from iris_sysid.diagnosis.component_support import EVIDENT_SHARE, ComponentSupport
 from iris_sysid.diagnosis.contributions import NAMED_SHARE, Contributions, starts_of
 from iris_sysid.diagnosis.effect_search import AT_ONCE, MAX_EFFECTS, EffectSearch
+from iris_sysid.diagnosis.evidence import DECISIVE
 from iris_sysid.diagnosis.fit_cache import FitCache
 from iris_sysid.diagnosis.held_out_blocks import MIN_SHARE
 from iris_sysid.diagnosis.refit import ModelWithEffects
+from iris_sysid.diagnosis.residual_components import odds_over_curves
 from iris_sysid.diagnosis.rivals import MAIN_SHARE, RIVALS, Rivals
 from iris_sysid.diagnosis.weak_ranking import WeakSet
 from iris_sysid.types import Component, Components, Effect, Finding
@@ -64,6 +67,7 @@ class OpenWorld:
         self._support = ComponentSupport(components, bool(cache.base.fits[0].model.inputs))
         self.rivals = Rivals(cache, self.shares, self._support)
         self._search = EffectSearch(cache, self.shares, self._support)
+        self._odds: dict[tuple[frozenset[str], str], float] = {}  # over curves, of an effect of a model
 
     @property
     def tried(self) -> list[ModelWithEffects]:
@@ -110,9 +114,7 @@ class OpenWorld:
         )
         return Judgement(reached, findings, {effect.name: {effect.name: 1.0} for effect in reached.effects})
 
-    def of_complete(
-        self, model: ModelWithEffects, rivals: Mapping[str, Sequence[str]], sure: bool
-    ) -> tuple[Finding, ...]:
+    def of_complete(self, model: ModelWithEffects, rivals: Mapping[str, Sequence[str]]) -> tuple[Finding, ...]:
         """The findings on a model that explains the data to the noise: a likelihood can tell effects apart there.
 
         What can imitate anything is named there too, if it is a good part of the residual.
@@ -123,12 +125,11 @@ class OpenWorld:
             The final model.
         rivals
             By effect, those that explain the data as well.
-        sure
-            Whether the size of the noise is known; else what imitates anything must be what the components say.
         """
         findings = []
-        absorbing = [each for each in model.effects if each.absorbs]
-        evident = self._with_own_evidence(model, [each for each in absorbing if self._is_evident(model, each, sure)])
+        imitating = self.imitating(model)
+        absorbing = [each for each in model.effects if each.absorbs and each not in imitating]
+        evident = self._with_own_evidence(model, absorbing)
         self.shares.trust(evident)
         for effect in model.effects:
             names, share = (effect.name, *rivals.get(effect.name, ())), self.shares.removed(model, effect)
@@ -170,30 +171,23 @@ class OpenWorld:
                     return f"{name.replace('-', ' ')} in the place of {main.name.replace('-', ' ')}"
         return ""
 
-    def rests_on_absorbing(self, model: ModelWithEffects, sure: bool) -> bool:
-        """Whether a good part of what a model explains is due to effects without evidence that imitate anything."""
-        return any(
-            effect.absorbs
-            and not self._is_evident(model, effect, sure)
-            and self.shares.share_of(model, effect) >= EVIDENT_SHARE
-            for effect in model.effects
-        )
+    def imitating(self, model: ModelWithEffects) -> list[Effect]:
+        """The effects of a model that can imitate a part of anything, and of which there is no other evidence."""
+        return [effect for effect in model.effects if effect.absorbs and not self._is_evident(model, effect)]
 
-    def _is_evident(self, model: ModelWithEffects, effect: Effect, sure: bool) -> bool:
-        """Whether an effect is a good part of the residual that the components say, or explains nearly all of it."""
-        if self._has_formula(model, effect):
-            return False
-        share = self.shares.share_of(model, effect)
-        if self._support.agrees(effect, of_range=True) and (share >= EVIDENT_SHARE or self._dominant(model) is effect):
+    def _is_evident(self, model: ModelWithEffects, effect: Effect) -> bool:
+        """Whether an effect beats curves of any shape, or is a good part of the residual that the components say."""
+        if self._beats_curves(model, effect):
             return True
-        if not sure or self._support.turns or share < DOMINANT_SHARE:
-            return False
-        return bool(self._support.kinds) or self.shares.removed(model, effect) >= DOMINANT_SHARE
+        is_large = self.shares.share_of(model, effect) >= EVIDENT_SHARE or self._dominant(model) is effect
+        return is_large and not self._support.never_turns and self._support.agrees(effect, of_range=True)
 
-    def _has_formula(self, model: ModelWithEffects, effect: Effect) -> bool:
-        """Whether, on a motion that never turns, an effect with a formula alone explains about as much as this one."""
-        others = self.rivals.as_good_alone(model, effect, sure=False) if self._support.never_turns else ()
-        return any(not self._cache.library.by_name[name].absorbs for name in others)
+    def _beats_curves(self, model: ModelWithEffects, effect: Effect) -> bool:
+        """Whether an effect explains the data decisively better than curves of any shape in its place."""
+        rest, key = self._cache.without(model, effect), (model.key, effect.name)
+        if key not in self._odds:
+            self._odds[key] = odds_over_curves(self._cache.clips, rest, model) if rest.usable else -math.inf
+        return 2.0 * self._odds[key] >= DECISIVE
 
     def without_absorbing(self, model: ModelWithEffects, effect: Effect) -> ModelWithEffects:
         """A model without what only absorbs a part of the residual: it must explain the data for a name of ``effect``.
@@ -204,7 +198,7 @@ class OpenWorld:
         return self._cache.with_effects(kept, starts_of(model, kept))
 
     def _is_certain(self, model: ModelWithEffects, effect: Effect) -> bool:
-        return not self._support.never_turns and (not effect.absorbs or self._is_evident(model, effect, sure=True))
+        return not self._support.never_turns and (not effect.absorbs or self._is_evident(model, effect))
 
     def _named_absorbing(self, model: ModelWithEffects) -> set[str]:
         """The effects of a model that are named although they can imitate anything."""
@@ -257,8 +251,12 @@ class OpenWorld:
             return None
         shares = {effect.name: self.shares.alone(model, effect) for effect in model.effects}
         most = max(model.effects, key=lambda effect: shares[effect.name])
-        is_main = most.absorbs and shares[most.name] >= DOMINANT_SHARE
-        return most if is_main and (self._support.never_turns or self._support.agrees(most, of_range=True)) else None
+        if not most.absorbs or shares[most.name] < DOMINANT_SHARE:
+            return None
+        turns = not self._support.never_turns
+        return (
+            most if (self._support.agrees(most, of_range=True) if turns else self._beats_curves(model, most)) else None
+        )
 
     def _main(self, model: ModelWithEffects) -> Effect:
         """The effect with a formula that alone explains most; on a motion that never turns the others imitate it."""

@@ -6,12 +6,13 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from fitters.components import ClipResidual, RankedSet, ranked_sets, split
+from fitters.components import ClipResidual, RankedSet, log_odds_over_curves, ranked_sets, split
 from fitters.components.noisy_residual import NoisyResidual
 from fitters.effect_sensitivity import motion_of, sensitivities
 from fitters.ode import FitRequest
 from iris_sysid.diagnosis.block_means import Residuals, block_means
 from iris_sysid.diagnosis.measurement_errors import unit_noise
+from iris_sysid.diagnosis.refit import ModelWithEffects
 from iris_sysid.types import Array, Components, Effect, FitResult
 
 
@@ -46,6 +47,30 @@ def clip_residual(clip: FitRequest, fitted: FitResult) -> ClipResidual | None:
     if not finite or not np.all(means.noise > 0) or used.sum() < 4:
         return None
     return ClipResidual(motion, residual, means.fitted.predicted[used])
+
+
+def odds_over_curves(clips: Sequence[FitRequest], without: ModelWithEffects, beside: ModelWithEffects) -> float:
+    """Log odds that what a model adds explains the data, and not curves of any shape in its place.
+
+    Minus infinity where the residuals cannot be split.
+
+    Parameters
+    ----------
+    clips
+        The fit requests.
+    without, beside
+        The models without the effect and with it, both fitted.
+    """
+    residuals = [
+        [clip_residual(clip, fitted) for clip, fitted in zip(clips, model.fits, strict=True)]
+        for model in (without, beside)
+    ]
+    before, after = ([each for each in side if each is not None] for side in residuals)
+    if not len(before) == len(after) == len(clips):
+        return -np.inf
+    values = sum(len(fitted.free) for fitted in beside.fits) - sum(len(fitted.free) for fitted in without.fits)
+    placed = sum(effect.is_placed for effect in beside.effects) - sum(effect.is_placed for effect in without.effects)
+    return log_odds_over_curves(before, after, values + len(clips) * placed)
 
 
 def _means(clip: FitRequest, fitted: FitResult) -> Residuals:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 import numpy as np
 
@@ -56,6 +56,12 @@ class Rivals:
         more = [name for name in self.as_good_alone(model, effect, sure=sure) if name not in odds]
         whole = len(odds) + len(more)
         return {name: share * len(odds) / whole for name, share in odds.items()} | dict.fromkeys(more, 1.0 / whole)
+
+    def instead_of(self, model: ModelWithEffects, effect: Effect, names: Collection[str]) -> list[ModelWithEffects]:
+        """The refits there are of a model with one of some rivals in the place of an effect, of possible sizes."""
+        rest = model.names - {effect.name}
+        wanted = {rest | {name} for name in names if name not in model.names}
+        return [each for each in self._cache.tried if each.names in wanted and self._shares.allows(each)]
 
     def _wins(self, model: ModelWithEffects, effect: Effect) -> dict[str, float]:
         """The share of bootstraps that an effect wins, and each that predicts as well in its place.
