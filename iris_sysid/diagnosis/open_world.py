@@ -172,7 +172,7 @@ class OpenWorld:
         return ""
 
     def imitating(self, model: ModelWithEffects) -> list[Effect]:
-        """The effects of a model that can imitate a part of anything, and of which there is no other evidence."""
+        """The effects of a model that can imitate a part of anything, without other evidence of them."""
         return [effect for effect in model.effects if effect.absorbs and not self._is_evident(model, effect)]
 
     def _is_evident(self, model: ModelWithEffects, effect: Effect) -> bool:
@@ -253,10 +253,8 @@ class OpenWorld:
         most = max(model.effects, key=lambda effect: shares[effect.name])
         if not most.absorbs or shares[most.name] < DOMINANT_SHARE:
             return None
-        turns = not self._support.never_turns
-        return (
-            most if (self._support.agrees(most, of_range=True) if turns else self._beats_curves(model, most)) else None
-        )
+        tells = self._support.agrees(most, of_range=True)
+        return most if (self._beats_curves(model, most) if self._support.never_turns else tells) else None
 
     def _main(self, model: ModelWithEffects) -> Effect:
         """The effect with a formula that alone explains most; on a motion that never turns the others imitate it."""
