@@ -19,6 +19,7 @@ from dataclasses import dataclass, field
 from difflib import get_close_matches
 from functools import cache
 from pathlib import Path
+from threading import RLock
 from types import ModuleType
 from typing import TYPE_CHECKING, Generic, TypeVar
 
@@ -31,6 +32,8 @@ if TYPE_CHECKING:
 Item = TypeVar("Item", Tracker, Detector, Linker, Measurer, OdeModel, Effect, Phenomenon)
 
 DISTRIBUTION = "iris-sysid"
+# CPython 3.11 counts the depth of all threads together (gh-106905): two that parse at once may raise SystemError
+_PARSING = RLock()
 
 
 @dataclass(eq=False)
@@ -230,6 +233,12 @@ def plugin_modules(package: ModuleType) -> list[str]:
     return [f"{package.__name__}.{info.name}" for info in modules if not (info.name.startswith("_") or info.ispkg)]
 
 
+def parsed(source: str | bytes) -> ast.Module:
+    """The syntax tree of Python ``source``; several threads may ask for one, as a review's page and its fit do."""
+    with _PARSING:
+        return ast.parse(source)
+
+
 def check_ours(package: ModuleType) -> None:
     """Stop if ``trackers`` or ``fitters`` is, or is mixed with, another distribution's package.
 
@@ -273,7 +282,7 @@ def _literal_summary(module: str, item_type: str) -> dict[str, str]:
     spec = importlib.util.find_spec(module)
     if spec is None or spec.origin is None:
         return {}
-    for node in ast.parse(Path(spec.origin).read_bytes()).body:
+    for node in parsed(Path(spec.origin).read_bytes()).body:
         call = node.value if isinstance(node, ast.Assign | ast.AnnAssign) else None
         if isinstance(call, ast.Call) and isinstance(call.func, ast.Name) and call.func.id == item_type:
             stated = {word.arg: word.value.value for word in call.keywords if isinstance(word.value, ast.Constant)}

@@ -12,6 +12,8 @@ import keyword
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from iris_sysid.registry import parsed
+
 BUILTINS = {"range": range}
 ALLOWED = (
     ast.arguments, ast.arg, ast.Return, ast.Assign, ast.For, ast.If, ast.Expr, ast.Try, ast.ExceptHandler,
@@ -36,7 +38,7 @@ def generated(source: str, values: Mapping[str, Any]) -> Callable[..., Any]:
     ValueError
         When the text holds anything else, or a name that nothing gives a value.
     """
-    tree = ast.parse(source)
+    tree = parsed(source)
     if len(tree.body) != 1 or not isinstance(tree.body[0], ast.FunctionDef):
         raise ValueError("generated code must be one function")
     function = tree.body[0]
