@@ -57,7 +57,8 @@ def test_each_further_value_costs_half_the_logarithm_of_the_number_of_samples():
 )  # throws in which components cannot tell a force from a reading
 def test_one_value_that_explains_a_throw_to_the_noise_is_named(seed, right):
     case = draw_case(seed)
-    assert case.hidden is not None and right in case.hidden.right
+    assert case.hidden is not None
+    assert right in case.hidden.right
     found = diagnose(trajectory_of(case), MODELS[case.motion.model])
     assert EFFECTS[right].absorbs
     assert [effect.name for effect in found.added] == [right]
