@@ -42,6 +42,12 @@ class Layout:
     scales: dict[str, float]
 
     @classmethod
+    def bare(cls, clips: Sequence[ClipResidual]) -> Layout:
+        """No columns: the residuals as noise."""
+        responses = tuple(np.zeros((*clip.residual.values.shape, 0)) for clip in clips)
+        return cls(tuple(clips), responses, tuple(np.zeros(0, dtype=np.intp) for _ in clips), 0, {}, {})
+
+    @classmethod
     def of(cls, by_clip: Sequence[Sequence[Basis]], clips: Sequence[ClipResidual]) -> Layout:
         """The columns of the bases of each clip that all clips have."""
         kinds = [basis.kind for basis in by_clip[0] if all(basis.kind in {b.kind for b in bases} for bases in by_clip)]
@@ -80,7 +86,7 @@ class Layout:
             squares, degrees = squares + white.squares, degrees + white.degrees
             log_scale, volume = log_scale + white.log_scale, volume + white.volume
         floor = tolerance**2 * squares / degrees
-        return Products(information, along, squares, degrees, log_scale - volume, volume, floor)
+        return Products(information, along, squares, degrees, log_scale, volume, floor)
 
 
 def _mean_square(bases: Sequence[Basis], clips: Sequence[ClipResidual]) -> float:

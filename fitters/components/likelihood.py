@@ -26,7 +26,7 @@ class Products:
     """Sums over all samples, whitened for one correlation of the noise and freed of the fitted values.
 
     ``information`` (k, k) and ``along`` (k,) of the columns, ``squares`` of the residual, over ``degrees``;
-    ``log_scale`` is added to a log likelihood, and holds minus the ``volume`` of the fitted values. The noise
+    ``log_scale`` is added to a log likelihood, the ``volume`` of the fitted values subtracted. The noise
     has at least the variance ``floor``: the components are a linear response, right to a few per cent, and a smaller
     rest tells nothing of them.
     """
@@ -36,8 +36,13 @@ class Products:
     squares: float
     degrees: int
     log_scale: float
-    volume: float = 0.0
+    volume: float
     floor: float = 0.0
+
+    @property
+    def constant(self) -> float:
+        """What is added to each log likelihood."""
+        return self.log_scale - self.volume
 
     def noise(self, squares: float) -> float:
         """The likeliest variance of the noise where components leave a sum of squares."""
@@ -101,7 +106,7 @@ def likeliest(products: Products, groups: Sequence[Columns]) -> Variances:
     """
     if not groups:
         squares = products.squares
-        return Variances((), np.zeros(0), products.noise(squares), products.log_scale - products.cost(squares))
+        return Variances((), np.zeros(0), products.noise(squares), products.constant - products.cost(squares))
     columns = np.concatenate(list(groups)).astype(np.intp)
     sizes = [group.size for group in groups]
     starts = np.concatenate([[0], np.cumsum(sizes)])[:-1]
@@ -127,7 +132,7 @@ def likeliest(products: Products, groups: Sequence[Columns]) -> Variances:
     factor = cho_factor(_scaled(products, columns, root), lower=True)
     scaled = cho_solve(factor, root * along)
     noise = products.noise(products.squares - float(scaled @ (root * along)))
-    return Variances(tuple(groups), variances, noise, float(products.log_scale - found.fun))
+    return Variances(tuple(groups), variances, noise, float(products.constant - found.fun))
 
 
 def _unit(products: Products, group: Columns) -> float:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from fitters.components.layout import ClipResidual
-from fitters.components.likelihood import Products
-from fitters.components.noisy_residual import NoisyResidual
+from fitters.components.layout import ClipResidual, Layout
+from fitters.components.likelihood import likeliest
 from fitters.components.split import CORRELATIONS, LOG_ODDS, searched, thinned
 
 
@@ -38,17 +38,8 @@ def log_odds_over_curves(without: Sequence[ClipResidual], beside: Sequence[ClipR
     found = searched([thinned(clip, len(without)) for clip in without])
     products = found.search.products
     curves = found.search.evidence(found.search.top()) + products.volume
-    kept = [thinned(clip, len(beside)).residual for clip in beside]
-    count = sum(residual.values.size for residual in kept)
-    effect = max(_log_likelihood(kept, rho, products.floor) for rho in CORRELATIONS)
+    layout = Layout.bare([thinned(clip, len(beside)) for clip in beside])
+    count = sum(clip.residual.values.size for clip in layout.clips)
+    noises = [replace(layout.products(rho), floor=products.floor) for rho in CORRELATIONS]
+    effect = max(likeliest(noise, ()).log_likelihood + noise.volume for noise in noises)
     return effect + LOG_ODDS - 0.5 * values * float(np.log(count)) - curves
-
-
-def _log_likelihood(clips: Sequence[NoisyResidual], rho: float, floor: float) -> float:
-    """Of residuals as noise correlated by ``rho`` whose variance is ``floor`` at least, in units of the noise."""
-    white = [clip.whitened(np.zeros((*clip.values.shape, 0)), rho) for clip in clips]
-    squares, degrees = sum(each.squares for each in white), sum(each.degrees for each in white)
-    alone = Products(
-        np.zeros((0, 0)), np.zeros(0), squares, degrees, sum(each.log_scale for each in white), floor=floor
-    )
-    return alone.log_scale - alone.cost(squares)

@@ -81,12 +81,6 @@ class Contributions:
         errors = self.errors(model)
         return errors.rms, float(np.sqrt(errors.mean))
 
-    def predicts_better(self, model: ModelWithEffects, other: ModelWithEffects) -> bool:
-        """Whether a model surely predicts the blocks left out better than another one, with no more effects."""
-        if not self.testable or len(model.effects) > len(other.effects) or model.key == other.key:
-            return False
-        return self.errors(model).share_below(self.errors(other)) >= SURE
-
     def predicts_as_well(self, model: ModelWithEffects, other: ModelWithEffects) -> bool:
         """Whether a model with possible sizes predicts blocks left out about as well as another one."""
         if not self.allows(model):

@@ -488,24 +488,25 @@ def _settled(
     weak: list[tuple[str, Estimate]] = []
     while True:
         report = SearchReport(cache, final)
-        sizes = {effect.name: report.size(effect.parameters[0].name) for effect in final.effects}
-        unsized = [effect for effect in final.effects if holds_zero(sizes[effect.name])]
-        unsized.sort(key=lambda effect: abs(sizes[effect.name].value) / sizes[effect.name].stderr)
+        unsized = _unsized(report)
         doubtful = [*unsized, *(each for each in world.imitating(final) if each not in unsized)]
         rivals = (rival for effect in doubtful for rival in cache.equally_good(final, effect))
-        rival = next((each for each in rivals if _is_sized(cache, each) and not world.imitating(each)), None)
+        rival = next(
+            (each for each in rivals if not _unsized(SearchReport(cache, each)) and not world.imitating(each)), None
+        )
         rest = None if rival or not unsized else cache.without(final, unsized[0])
         if rival is None and (rest is None or not rest.usable):
             return report, weak
         if rest is not None:
-            weak.append((unsized[0].name, sizes[unsized[0].name]))
+            weak.append((unsized[0].name, report.size(unsized[0].parameters[0].name)))
         final = rival or rest or final
 
 
-def _is_sized(cache: FitCache, model: ModelWithEffects) -> bool:
-    """Whether the interval of every size excludes zero."""
-    report = SearchReport(cache, model)
-    return not any(holds_zero(report.size(effect.parameters[0].name)) for effect in model.effects)
+def _unsized(report: SearchReport) -> list[Effect]:
+    """The effects whose size has an interval that holds zero, the least known first."""
+    sizes = {effect.name: report.size(effect.parameters[0].name) for effect in report.final.effects}
+    unsized = [effect for effect in report.final.effects if holds_zero(sizes[effect.name])]
+    return sorted(unsized, key=lambda effect: abs(sizes[effect.name].value) / sizes[effect.name].stderr)
 
 
 def _proposed(clips: Sequence[FitRequest], final: ModelWithEffects) -> tuple[DiscoveredTerm, ...]:

@@ -21,7 +21,7 @@ DECISIVE = float(2 * np.log(20.0))  # odds of 20 to 1: "strong evidence" of Kass
 def cost_above(first: ModelWithEffects, second: ModelWithEffects) -> float:
     """By how much the criterion of ``first`` is larger than that of ``second``, both fitted to the same clips."""
     each_clip = zip(first.fits, second.fits, first.units, strict=True)
-    chosen = _chosen(first) - _chosen(second)
+    chosen = chosen_values(first) - chosen_values(second)
     clips = sum(_clip_difference(*clip, chosen) for clip in each_clip)
     return clips + _whole_cost(first) - _whole_cost(second)
 
@@ -34,7 +34,7 @@ def best_first(models: Sequence[ModelWithEffects]) -> list[ModelWithEffects]:
     return sorted(models, key=lambda model: cost_above(model, closest))
 
 
-def _chosen(model: ModelWithEffects) -> int:
+def chosen_values(model: ModelWithEffects) -> int:
     """How many values a clip has that were chosen among many and not fitted, such as the moment of a lost frame."""
     return sum(effect.is_placed for effect in model.effects)
 

@@ -11,6 +11,7 @@ from fitters.components.noisy_residual import NoisyResidual
 from fitters.effect_sensitivity import motion_of, sensitivities
 from fitters.ode import FitRequest
 from iris_sysid.diagnosis.block_means import Residuals, block_means
+from iris_sysid.diagnosis.evidence import chosen_values
 from iris_sysid.diagnosis.measurement_errors import unit_noise
 from iris_sysid.diagnosis.refit import ModelWithEffects
 from iris_sysid.types import Array, Components, Effect, FitResult
@@ -31,9 +32,8 @@ def components_of(clips: Sequence[FitRequest], fits: Sequence[FitResult]) -> Com
     Components or None
         None where there are too few samples, or where the motion is not smooth enough for its linear response.
     """
-    residuals = [clip_residual(clip, fitted) for clip, fitted in zip(clips, fits, strict=True)]
-    known = [residual for residual in residuals if residual is not None]
-    return split(known) if known and len(known) == len(residuals) else None
+    residuals = _every_residual(clips, fits)
+    return split(residuals) if residuals else None
 
 
 def clip_residual(clip: FitRequest, fitted: FitResult) -> ClipResidual | None:
@@ -61,16 +61,22 @@ def odds_over_curves(clips: Sequence[FitRequest], without: ModelWithEffects, bes
     without, beside
         The models without the effect and with it, both fitted.
     """
-    residuals = [
-        [clip_residual(clip, fitted) for clip, fitted in zip(clips, model.fits, strict=True)]
-        for model in (without, beside)
-    ]
-    before, after = ([each for each in side if each is not None] for side in residuals)
-    if not len(before) == len(after) == len(clips):
+    before, after = (_every_residual(clips, model.fits) for model in (without, beside))
+    if not before or not after:
         return -np.inf
-    values = sum(len(fitted.free) for fitted in beside.fits) - sum(len(fitted.free) for fitted in without.fits)
-    placed = sum(effect.is_placed for effect in beside.effects) - sum(effect.is_placed for effect in without.effects)
-    return log_odds_over_curves(before, after, values + len(clips) * placed)
+    return log_odds_over_curves(before, after, _count_values(beside) - _count_values(without))
+
+
+def _count_values(model: ModelWithEffects) -> int:
+    """How many values are fitted to all clips, or chosen among many and not fitted."""
+    return sum(len(fitted.free) + chosen_values(model) for fitted in model.fits)
+
+
+def _every_residual(clips: Sequence[FitRequest], fits: Sequence[FitResult]) -> list[ClipResidual]:
+    """The residuals of fits, one a clip; none where one of them cannot be split."""
+    residuals = [clip_residual(clip, fitted) for clip, fitted in zip(clips, fits, strict=True)]
+    known = [residual for residual in residuals if residual is not None]
+    return known if len(known) == len(residuals) else []
 
 
 def _means(clip: FitRequest, fitted: FitResult) -> Residuals:
