@@ -484,6 +484,7 @@ def _settled(
     """The report on the effects whose interval excludes zero, and the sizes of those that were left out.
 
     One whose size is not known, or that may imitate what it explains, gives way to a rival that explains it as well.
+    One without which the others are of impossible sizes stays as long as another one can go: they make up for it.
     """
     weak: list[tuple[str, Estimate]] = []
     while True:
@@ -494,12 +495,17 @@ def _settled(
         rival = next(
             (each for each in rivals if not _unsized(SearchReport(cache, each)) and not world.imitating(each)), None
         )
-        rest = None if rival or not unsized else cache.without(final, unsized[0])
-        if rival is None and (rest is None or not rest.usable):
+        if rival is not None:
+            final = rival
+            continue
+        rests = [(effect, cache.without(final, effect)) for effect in unsized]
+        rests = [(effect, rest) for effect, rest in rests if rest.usable]
+        if not rests:
             return report, weak
-        if rest is not None:
-            weak.append((unsized[0].name, report.size(unsized[0].parameters[0].name)))
-        final = rival or rest or final
+        # the least known of those without which the others are of possible sizes
+        left_out, rest = max(rests, key=lambda each: world.shares.allows(each[1]))
+        weak.append((left_out.name, report.size(left_out.parameters[0].name)))
+        final = rest
 
 
 def _unsized(report: SearchReport) -> list[Effect]:

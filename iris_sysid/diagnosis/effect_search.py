@@ -186,14 +186,13 @@ class EffectSearch:
         return removed_share(self._cache.base, single) >= least
 
     def _with_nuisances(self, current: ModelWithEffects) -> ModelWithEffects:
-        """The model with what imitates anything added, or else in the place of another, where that predicts better."""
+        """The model with what imitates anything added, or in the place of another, where that predicts better."""
         for _ in range(AT_ONCE):
             if current.at_noise:
                 break
-            rests = (self._cache.without(current, effect) for effect in current.effects)
-            found = self._best(current, self._absorbing(current)) or self._best(
-                current, [model for rest in rests if rest.usable for model in self._absorbing(rest)]
-            )
+            rests = [self._cache.without(current, effect) for effect in current.effects]
+            contexts = [current, *(rest for rest in rests if rest.usable)]
+            found = self._best(current, [model for context in contexts for model in self._absorbing(context)])
             if found is None:
                 break
             self.reached = current = found
