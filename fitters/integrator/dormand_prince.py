@@ -91,8 +91,8 @@ def integrate(
     t_s
         (n,) s, increasing, as uneven as it likes.
     ends
-        (k + 1,) where each of k steps begins and the last one ends, in samples, from 0 to n - 1; with inputs, every
-        sample is among them.
+        (k + 1,) where each of k steps begins and the last one ends, in samples, from 0 to n - 1; every
+        sample at which an input jumps or bends is among them.
     initial
         (s, c) states at ``t_s[0]``.
     params

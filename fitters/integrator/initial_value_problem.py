@@ -84,13 +84,20 @@ class InitialValueProblem:
         return out
 
     def slopes(self, states: Array, params: Array) -> Array:
-        """Derivatives by time (n, s) of states (n, s) at the samples; with events, in the first mode."""
+        """Derivatives by time (n, s) of states (n, s) at the samples for ``params`` (p,); with events, in the first mode."""
+        return self.slopes_of(states, params[:, None])[:, :, 0]
+
+    def slopes_of(self, states: Array, columns: Array) -> Array:
+        """Derivatives as of :meth:`slopes` (n, s, c) for c columns of parameters (p, c)."""
+        count = columns.shape[1]
+        if self.model.drive is not None and count > 1:
+            return np.concatenate([self.slopes_of(states, columns[:, c : c + 1]) for c in range(count)], axis=2)
         mode = np.zeros((self.t_s.size, 1 if self.model.events else 0))
-        taken = np.hstack([states, mode])[:, :, None]
-        columns, out = self.rhs.columns[1] if self.model.events else self.rhs.columns, np.zeros(taken.shape)
+        taken = np.repeat(np.hstack([states, mode])[:, :, None], count, axis=2)
+        rhs, out = self.rhs.columns[1] if self.model.events else self.rhs.columns, np.zeros(taken.shape)
         along = slopes_along.py_func if self.rhs.note else slopes_along  # a note: it runs in plain Python
-        along(columns, self.t_s, taken, np.ascontiguousarray(params[:, None]), self.acting(params), out)
-        return out[:, : states.shape[1], 0]
+        along(rhs, self.t_s, taken, np.ascontiguousarray(columns), self.acting(columns[:, 0]), out)
+        return out[:, : states.shape[1]]
 
     def with_hidden(self, own: Array, params: Array) -> Array:
         """States (n, s) whose hidden ones follow along the own ones (n, o), from zero; ``params`` (p,)."""
@@ -212,7 +219,7 @@ class InitialValueProblem:
         return replace(self, ends=np.append(begin + inside / counts[begin], self.t_s.size - 1.0))
 
     def planned(self, values: Array, tolerance: float, negligible: float = 0.0) -> InitialValueProblem:
-        """The problem with steps short enough for these values; they may span many samples where it has no inputs.
+        """The problem with steps short enough for these values; they may span many samples where no input changes.
 
         Parameters
         ----------
@@ -240,9 +247,21 @@ class InitialValueProblem:
         ends = np.empty(max(MAX_STEPS[0] * times.size, MAX_STEPS[1]) + 1)
         limits = np.array([tolerance, enough, (times[-1] - times[0]) / ends.size])
         params, initial = np.split(values[:, None], [len(self.model.parameters)])
-        known = self.acting(params[:, 0]), self.hold == "linear"
+        known = self.acting(params[:, 0]), self.hold == "linear", self._latest_ends()
         count = self.rhs.choose(self.rhs.columns, times, initial, params, *known, limits, size, ends)
         return np.concatenate([ends[:count], np.arange(int(ends[count - 1]) + 1.0, times.size)])
+
+    def _latest_ends(self) -> NDArray[np.int64]:
+        """The sample (n - 1,) up to which a step that begins in each interval may last: inputs go on smoothly there.
+
+        Where values change the inputs that act, one may jump at any sample.
+        """
+        last = self.t_s.size - 1
+        if self.hold == "linear" or self.model.drive is not None:
+            jumps = np.arange(1, last if self.inputs.size else 1)
+        else:
+            jumps = 1 + np.flatnonzero(np.any(self.inputs[1:last] != self.inputs[: last - 1], axis=1))
+        return np.append(jumps, last)[np.searchsorted(jumps, np.arange(last), side="right")]
 
     def _planned_through_events(self, values: Array, tolerance: float) -> InitialValueProblem:
         """The problem with equal steps in each sample interval, judged by its first PLANNED samples.

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 from numba import boolean, types
+from numpy.typing import NDArray
 
 from fitters.integrator.dop853_coefficients import ERROR_3, ERROR_5, NODES, STAGES
 from fitters.integrator.dormand_prince import (
@@ -85,7 +86,7 @@ def _next_length(error: float, step_s: float, exact: bool, limits: Array) -> flo
     return max(ratio * step_s, shortest_s)
 
 
-@kernel(types.int64(_COLUMNS, _VECTOR, _MATRIX, _MATRIX, _MATRIX, boolean, _VECTOR, _VECTOR, _VECTOR))
+@kernel(types.int64(_COLUMNS, _VECTOR, _MATRIX, _MATRIX, _MATRIX, boolean, types.int64[::1], _VECTOR, _VECTOR, _VECTOR))
 def controlled_steps(
     columns: Columns,
     t_s: Array,
@@ -93,6 +94,7 @@ def controlled_steps(
     params: Array,
     inputs: Array,
     linear: bool,
+    latest: NDArray[np.int64],
     limits: Array,
     size: Array,
     ends: Array,
@@ -105,6 +107,8 @@ def controlled_steps(
         As for :func:`fitters.integrator.dormand_prince.integrate`, of one column and at least two samples.
     initial
         (s, 1) state at ``t_s[0]``.
+    latest
+        (n - 1,) the sample up to which a step that begins in each interval may last.
     limits
         (3,) largest error of a step and of one at a kink, both relative to the size of each state; shortest step, s.
     size
@@ -119,7 +123,7 @@ def controlled_steps(
     ends[0] = 0.0
     while ends[count - 1] < t_s.size - 1 and count < ends.size:
         begin, interval = ends[count - 1], int(ends[count - 1])
-        end = _next_end(t_s, begin, length_s, interval + 1 if inputs_now.size > 0 else t_s.size - 1)
+        end = _next_end(t_s, begin, length_s, latest[interval])
         step_s = time_at(t_s, end) - time_at(t_s, begin)
         for stage in range(STAGES):
             _weighted(state, slopes, stage, step_s, trial)

@@ -9,10 +9,11 @@ run of the model without them leaves the data at once.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.sparse import csr_array
 
@@ -28,6 +29,7 @@ MAX_HALF_WINDOW = 0.05  # of the record
 GROWTH = 1.5  # of half a window, until the noise is negligible in it
 NOISE_SHARE = 0.1  # of the left side's size, up to which noise is negligible: a hundredth of its variance
 EVALUATIONS = 50
+SETTLED = 1e-6  # relative change of squares or values with which a fit ends: far below the errors of either
 BLOCKS = 20  # of windows, by which errors are judged
 STEP = 1e-5  # by which a value is changed for a derivative, relative to it
 NOT_IMITATED = 1e-3  # of a force that the free values must not be able to imitate
@@ -171,10 +173,27 @@ class _WeakForm:
 
     def residual(self, params: Array) -> Array:
         """Residual (w, q) of the parameters (p,), in units of the left side."""
+        return self.residuals(params[:, None])[:, :, 0]
+
+    def residuals(self, columns: Array) -> Array:
+        """Residuals (w, q, c) of c columns of parameters (p, c), in units of the left side."""
+        if self.task.model.hidden and columns.shape[1] > 1:
+            each = [self.residuals(columns[:, c : c + 1]) for c in range(columns.shape[1])]
+            return np.concatenate(each, axis=2)
         with np.errstate(all="ignore"):
-            states = self.problem.with_hidden(self.states, params)
-            slopes = self.problem.slopes(states, params)[:, self.task.model.forced_states]
-            return np.asarray(self.left - self.windows @ slopes)
+            states = self.problem.with_hidden(self.states, columns[:, 0])
+            slopes = self.problem.slopes_of(states, columns)[:, self.task.model.forced_states]
+            mean = self.windows @ slopes.reshape(len(slopes), -1)
+            return np.asarray(self.left[:, :, None] - mean.reshape(*self.left.shape, -1))
+
+    def moved(self, params: Array, which: Sequence[int] | NDArray[np.intp], most: Array) -> Array:
+        """Derivatives of the residual (w, q, k) by k of the parameters (p,), which may be at ``most`` (k,)."""
+        columns = np.repeat(params[:, None], len(which) + 1, axis=1)
+        steps = STEP * np.maximum(np.abs(params[which]), STEP)
+        steps = np.where(params[which] + steps > most, -steps, steps)
+        columns[which, np.arange(1, len(which) + 1)] += steps
+        found = self.residuals(columns)
+        return np.asarray((found[:, :, 1:] - found[:, :, :1]) / steps)
 
     def gains(self, values: Mapping[str, float], forces: Callable[[Array, Array, Array], Array]) -> Array:
         """What each of some forces explains (k,) beside the free values; see :func:`weak_gains`."""
@@ -182,12 +201,8 @@ class _WeakForm:
         params = np.array([values[parameter.name] for parameter in model.parameters])
         free = [names.index(name) for name in self.task.unknowns.names if name not in model.initial_names]
         residual, size = self.residual(params), np.std(self.left, axis=0)
-        columns = []
-        for k in free:
-            moved = params.copy()
-            moved[k] += STEP * max(abs(params[k]), STEP)
-            columns.append((self.residual(moved) - residual) / size)
-        basis = np.linalg.qr(_unit_columns(np.reshape(columns, (len(free), residual.size)).T))[0]
+        moved = self.moved(params, free, np.full(len(free), np.inf)) / size[:, None]
+        basis = np.linalg.qr(_unit_columns(moved.reshape(residual.size, len(free))))[0]
         states = self.problem.with_hidden(self.states, params)
         given = np.nan_to_num(forces(self.problem.t_s, states, self.problem.slopes(states, params)))
         acting = np.stack([(self.windows @ force) / size for force in given]).reshape(len(given), -1).T
@@ -207,20 +222,26 @@ class _WeakForm:
         ]
         free = [k for k, name in enumerate(task.unknowns.names) if name not in task.model.initial_names]
         which, size = task.unknowns.which[free], np.std(self.left, axis=0)
+        bounds = task.unknowns.lower[free], task.unknowns.upper[free]
 
-        def flat(now: Array) -> Array:
+        def whole(now: Array) -> Array:
             params = vector[: len(task.model.parameters)].copy()
             params[which] = now
-            return np.clip(
-                np.nan_to_num(self.residual(params) / size, nan=MAX_RESIDUAL), -MAX_RESIDUAL, MAX_RESIDUAL
-            ).ravel()
+            return params
+
+        def flat(now: Array) -> Array:
+            return _bounded(self.residual(whole(now)) / size).ravel()
+
+        def slopes_of(now: Array) -> Array:
+            derivatives = self.moved(whole(now), which, bounds[1]) / size[:, None]
+            return np.nan_to_num(derivatives).reshape(self.left.size, -1)
 
         errors: dict[str, float] = {}
         jacobian = np.zeros((self.left.size, 0))
         if which.size:
-            bounds = task.unknowns.lower[free], task.unknowns.upper[free]
             inside = task.unknowns.inside(vector)[which]
-            found = least_squares(flat, inside, bounds=bounds, x_scale="jac", max_nfev=EVALUATIONS)
+            ends = {"ftol": SETTLED, "xtol": SETTLED, "max_nfev": EVALUATIONS}
+            found = least_squares(flat, inside, slopes_of, bounds=bounds, x_scale="jac", **ends)
             slopes = np.asarray(found.jac, dtype=np.float64)
             vector[which], jacobian = found.x, slopes / np.maximum(np.linalg.norm(slopes, axis=0), 1e-300)
             parts = zip(np.array_split(slopes, BLOCKS), np.array_split(found.fun, BLOCKS), strict=True)
@@ -228,6 +249,10 @@ class _WeakForm:
         residual = flat(vector[which]).reshape(self.left.shape)
         left_out = _left_out(jacobian.reshape(*self.left.shape, -1), residual)
         return WeakFit(dict(zip(names, vector.tolist(), strict=True)), errors, residual, left_out)
+
+
+def _bounded(residual: Array) -> Array:
+    return np.clip(np.nan_to_num(residual, nan=MAX_RESIDUAL), -MAX_RESIDUAL, MAX_RESIDUAL)
 
 
 def _unit_columns(columns: Array) -> Array:
