@@ -84,7 +84,7 @@ class InitialValueProblem:
         return out
 
     def slopes(self, states: Array, params: Array) -> Array:
-        """Derivatives by time (n, s) of states (n, s) at the samples for ``params`` (p,); with events, in the first mode."""
+        """Derivatives by time (n, s) of states (n, s) at the samples, ``params`` (p,); with events, those at first."""
         return self.slopes_of(states, params[:, None])[:, :, 0]
 
     def slopes_of(self, states: Array, columns: Array) -> Array:

@@ -240,8 +240,16 @@ class _WeakForm:
         jacobian = np.zeros((self.left.size, 0))
         if which.size:
             inside = task.unknowns.inside(vector)[which]
-            ends = {"ftol": SETTLED, "xtol": SETTLED, "max_nfev": EVALUATIONS}
-            found = least_squares(flat, inside, slopes_of, bounds=bounds, x_scale="jac", **ends)
+            found = least_squares(
+                flat,
+                inside,
+                slopes_of,
+                bounds=bounds,
+                x_scale="jac",
+                ftol=SETTLED,
+                xtol=SETTLED,
+                max_nfev=EVALUATIONS,
+            )
             slopes = np.asarray(found.jac, dtype=np.float64)
             vector[which], jacobian = found.x, slopes / np.maximum(np.linalg.norm(slopes, axis=0), 1e-300)
             parts = zip(np.array_split(slopes, BLOCKS), np.array_split(found.fun, BLOCKS), strict=True)

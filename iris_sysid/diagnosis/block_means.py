@@ -18,6 +18,7 @@ from iris_sysid.types import Array, FitResult, Trajectory
 
 MIN_BLOCKS = 10_000  # samples up to which every one is used, and blocks that a longer record has at least
 RANKED, SEARCHED = 300, 1000  # the same of the samples by which effects are ranked, and by which they are searched
+DRIVEN = 4000  # samples by which a driven record of twice as many is searched
 BLURRED = 0.01  # largest share of the motion's variance inside blocks: changes means by half of it, a size by no more
 
 
@@ -81,28 +82,36 @@ def block_means(given: Residuals) -> Residuals:
 def one_a_block(fitted: FitResult, trajectory: Trajectory, few: int) -> NDArray[np.intp]:
     """Indices (m,) of the first sample used of each block; of all used where blocks have one sample.
 
+    Of a long driven record they are its first DRIVEN samples: between samples an input is known by the samples alone.
+
     Parameters
     ----------
     fitted, trajectory
-        A fit, and what it was fitted to; where that has inputs, between samples they are known by the samples alone.
+        A fit, and what it was fitted to.
     few
         Number of samples up to which all are used, and of blocks that a longer record has at least.
     """
     used = np.flatnonzero(fitted.used)
-    starts = _starts(fitted, few) if trajectory.inputs is None else None
+    if trajectory.inputs is not None:
+        return used[:DRIVEN] if used.size >= 2 * DRIVEN else used
+    starts = _starts(fitted, few)
     return used if starts is None else used[starts]
 
 
 def at_samples(trajectory: Trajectory, which: NDArray[np.intp]) -> Trajectory:
     """The trajectory with some of its samples alone, all in one segment, and without what their errors have in common.
 
+    One with inputs keeps all its rows; the others are not valid.
+
     Parameters
     ----------
     trajectory
-        Without inputs.
+        Has these samples.
     which
         Indices (m,), increasing.
     """
+    if trajectory.inputs is not None:
+        return trajectory.with_(valid=np.isin(np.arange(trajectory.n), which))
     return trajectory.with_(
         t_s=trajectory.t_s[which],
         position=trajectory.position[which],

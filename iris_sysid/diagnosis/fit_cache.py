@@ -164,9 +164,25 @@ class FitCache:
         alone = [candidate for candidate in candidates if len(candidate.names) == 1]
         # far off, neither gains nor signs are to be trusted
         chosen = self._best_of(current, alone) if current.far_off and alone else worth
-        models = [self.with_added(current, candidate) for candidate in chosen]
+        models = [self.with_added(current, candidate) for candidate in self._contending(current, chosen)]
         usable = [model for model in models if model.usable and self.library.allows_fit(model)]
         return best_first(usable)
+
+    def _contending(self, current: ModelWithEffects, candidates: Sequence[Candidate]) -> Sequence[Candidate]:
+        """Of candidates those that the first samples of a long driven record do not rule out against the best."""
+        driven = self.clips[0].trajectory.inputs is not None
+        few = self._with_few_samples() if driven and len(candidates) > 1 else None
+        if few is None:
+            return candidates
+        start = replace(current, units=few.base.units)
+        models = [few.with_added(start, candidate) for candidate in candidates]
+        best = best_first([model for model in models if model.usable])[:1]
+        pairs = zip(candidates, models, strict=True)
+        return [
+            candidate
+            for candidate, model in pairs
+            if not model.usable or all(cost_above(model, each) < DECISIVE for each in best)
+        ]
 
     def best_of(self, current: ModelWithEffects, names: Sequence[str]) -> Sequence[Candidate]:
         """Of single effects those that explain most, by rough refits to few samples; all of a short clip.
@@ -226,9 +242,12 @@ class FitCache:
         which = [one_a_block(fitted, clip.trajectory, few) for clip, fitted in pairs]
         if all(each.size == fitted.n for each, fitted in zip(which, self.base.fits, strict=True)):
             return list(self.clips), None
-        each_clip = zip(self.clips, which, strict=True)
-        clips = [clip.with_(trajectory=at_samples(clip.trajectory, kept)) for clip, kept in each_clip]
-        return clips, tuple(unit[kept] for unit, kept in zip(self.base.units, which, strict=True))
+        clips = [
+            clip.with_(trajectory=at_samples(clip.trajectory, kept))
+            for clip, kept in zip(self.clips, which, strict=True)
+        ]
+        each = zip(self.base.units, which, clips, strict=True)
+        return clips, tuple(unit if clip.trajectory.n == len(unit) else unit[kept] for unit, kept, clip in each)
 
     def testable(self, current: ModelWithEffects) -> frozenset[str]:
         """The effects that the parameters of neither this model nor the base can imitate."""
