@@ -187,12 +187,15 @@ class _WeakForm:
             return np.asarray(self.left[:, :, None] - mean.reshape(*self.left.shape, -1))
 
     def moved(self, params: Array, which: Sequence[int] | NDArray[np.intp], most: Array) -> Array:
-        """Derivatives of the residual (w, q, k) by k of the parameters (p,), which may be at ``most`` (k,)."""
+        """Derivatives (w, q, k) of the bounded residual, in units of the left side's scatter, by k parameters.
+
+        ``params`` (p,), of which those in ``which`` (k,) are moved; they may be at ``most`` (k,).
+        """
         columns = np.repeat(params[:, None], len(which) + 1, axis=1)
         steps = STEP * np.maximum(np.abs(params[which]), STEP)
         steps = np.where(params[which] + steps > most, -steps, steps)
         columns[which, np.arange(1, len(which) + 1)] += steps
-        found = self.residuals(columns)
+        found = _bounded(self.residuals(columns) / np.std(self.left, axis=0)[:, None])
         return np.asarray((found[:, :, 1:] - found[:, :, :1]) / steps)
 
     def gains(self, values: Mapping[str, float], forces: Callable[[Array, Array, Array], Array]) -> Array:
@@ -201,7 +204,7 @@ class _WeakForm:
         params = np.array([values[parameter.name] for parameter in model.parameters])
         free = [names.index(name) for name in self.task.unknowns.names if name not in model.initial_names]
         residual, size = self.residual(params), np.std(self.left, axis=0)
-        moved = self.moved(params, free, np.full(len(free), np.inf)) / size[:, None]
+        moved = self.moved(params, free, np.full(len(free), np.inf))
         basis = np.linalg.qr(_unit_columns(moved.reshape(residual.size, len(free))))[0]
         states = self.problem.with_hidden(self.states, params)
         given = np.nan_to_num(forces(self.problem.t_s, states, self.problem.slopes(states, params)))
@@ -233,8 +236,7 @@ class _WeakForm:
             return _bounded(self.residual(whole(now)) / size).ravel()
 
         def slopes_of(now: Array) -> Array:
-            derivatives = self.moved(whole(now), which, bounds[1]) / size[:, None]
-            return np.nan_to_num(derivatives).reshape(self.left.size, -1)
+            return self.moved(whole(now), which, bounds[1]).reshape(self.left.size, -1)
 
         errors: dict[str, float] = {}
         jacobian = np.zeros((self.left.size, 0))
@@ -260,6 +262,7 @@ class _WeakForm:
 
 
 def _bounded(residual: Array) -> Array:
+    """A residual where no value is infinite: a motion may run away for a trial value."""
     return np.clip(np.nan_to_num(residual, nan=MAX_RESIDUAL), -MAX_RESIDUAL, MAX_RESIDUAL)
 
 
