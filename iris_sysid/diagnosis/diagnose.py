@@ -19,7 +19,6 @@ import numpy as np
 from fitters.components import marginal
 from fitters.ode import FitRequest, solve
 from fitters.ode.weak_fit import is_observed, weak_fit
-from iris_sysid.diagnosis.component_support import EVIDENT_SHARE
 from iris_sysid.diagnosis.contributions import starts_of
 from iris_sysid.diagnosis.evidence import best_first
 from iris_sysid.diagnosis.fit_cache import FitCache
@@ -150,10 +149,10 @@ def diagnose(
     try:
         budget.allow(1.0)
         start = None if stopped else _complete_start(cache, world, _with_all_samples(cache, judgement.model))
-        if start is not None:
+        if start is not None and not (every := OpenWorld(cache, components)).rests_on_imitation(start):
             search.run(start, extend=_residual_ratio(start, base) <= COMPLETE)
             if _is_complete(clips, search.reached[-1], base):
-                answer = _of_complete(cache, OpenWorld(cache, components), world, search.reached)
+                answer = _of_complete(cache, every, world, search.reached)
         if answer is not None and _is_worse(answer, world, judgement.model):
             answer = None
     except STOPPED as why:
@@ -296,9 +295,7 @@ def _of_complete(
     report, weak = _settled(cache, world, path[-1])
     final = report.final
     sure = _residual_ratio(final, cache.base) <= COMPLETE
-    if (weak and not _is_complete(cache.clips, final, cache.base)) or any(
-        world.shares.share_of(final, effect) >= EVIDENT_SHARE for effect in world.imitating(final)
-    ):
+    if (weak and not _is_complete(cache.clips, final, cache.base)) or world.rests_on_imitation(final):
         return None
     shares = {}
     for effect in final.effects:

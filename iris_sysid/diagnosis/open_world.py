@@ -175,6 +175,10 @@ class OpenWorld:
         """The effects of a model that can imitate a part of anything, without other evidence of them."""
         return [effect for effect in model.effects if effect.absorbs and not self._is_evident(model, effect)]
 
+    def rests_on_imitation(self, model: ModelWithEffects) -> bool:
+        """Whether a good part of what a model explains may only be imitated."""
+        return any(self.shares.share_of(model, effect) >= EVIDENT_SHARE for effect in self.imitating(model))
+
     def _is_evident(self, model: ModelWithEffects, effect: Effect) -> bool:
         """Whether an effect beats curves of any shape, or is a good part of the residual that the components say."""
         if self._beats_curves(model, effect):

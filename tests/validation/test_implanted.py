@@ -1,11 +1,14 @@
 """Implanted effects: their size, the simulation beside the library's, the scores, and the pictures that are bent."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
 
-from iris_sysid import MODELS, Trajectory, open_video, simulate, with_effects
+from iris_sysid import MODELS, Trajectory, diagnose, open_video, simulate, with_effects
 from iris_sysid.types import SIDES
+from tests._real_data import alexiev_length_68
 from validation import implanted
 from validation import implanted_video as video
 from validation.implanted_effects import IMPLANTS, NotShownError, based, sized, trace
@@ -287,3 +290,29 @@ def test_clip_is_encoded_without_loss_at_its_own_times(tmp_path):
     np.testing.assert_allclose([frame.t_s for frame in read], times, atol=1e-5)
     for frame, picture in zip(read, pictures, strict=True):
         np.testing.assert_array_equal(frame.bgr(), picture)
+
+
+# Real recordings ----------------------------------------------------------------------------------------------------
+
+
+def diagnosis_with(name, multiple=3.0):
+    """Of a real pendulum with an implant, whose size is given as well."""
+    clip = alexiev_length_68().with_(sensor="camera")
+    changed, _ = sized(BY_NAME[name], based(replace(a_recording(), clips=lambda: [clip]), clip), multiple)
+    return diagnose(changed.clip, MODELS["pendulum"]), changed.size
+
+
+@pytest.mark.slow
+def test_wrong_zero_does_not_give_way_to_a_wander_so_slow_that_it_is_one():
+    found, _ = diagnosis_with("zero-offset")
+    named = [each.effects for each in found.findings if each.word in ("named", "group")]
+    assert any("zero-offset" in names for names in named)
+    assert ("zero-wander",) not in named
+
+
+@pytest.mark.slow
+def test_drift_that_imitates_anything_is_tried_in_the_place_of_a_formula():
+    found, size = diagnosis_with("parameter-drift")
+    drift = found.sizes["parameter_drift"]
+    assert abs(drift.value - size) < 3.0 * drift.stderr
+    assert found.residual_ratio < 1.3
