@@ -18,9 +18,9 @@ def clip():
 
 
 def test_time_that_is_over_at_once_gives_the_fit_without_effects_and_says_so(clip):
-    began = time.monotonic()
+    began = time.process_time()
     found = diagnose(clip, "pendulum", effects=THREE_EFFECTS, seconds=0.01)
-    assert time.monotonic() - began < 10.0  # the base fit and the errors over blocks, on a slow machine
+    assert time.process_time() - began < 10.0  # the base fit and the errors over blocks, on a slow machine
     (note,) = [note for note in found.notes if note.kind == "stopped"]
     assert note.text == "the time allowed (0.01 s) was over; this is the best answer so far"
     assert found.added == ()
