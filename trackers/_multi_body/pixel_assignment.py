@@ -11,11 +11,13 @@ from numpy.typing import NDArray
 
 from iris_sysid.types import Array
 from trackers._detection.foreground import BackgroundRange
-from trackers._frames.arrays import Bytes, Image
+from trackers._detection.strong_windows import grown, merged
+from trackers._frames.arrays import Box, Bytes, Image
 from trackers._multi_body.appearance_classes import HALF_COVERED, AppearanceClass, class_coverages
 
 MIN_COVERAGE = 0.25  # of a pixel: less is noise, shade or the blurred outline
 REACH = 1.6  # radii: a pixel farther from every body is of none
+NEAR = 3  # px about a part: what is adjacent to it, and one more
 THIN = 0.35  # of a body's radius: a part thinner on both sides is a cord
 ROUNDS = 12
 SETTLED = 0.02  # px that the centres move in a round
@@ -78,34 +80,49 @@ def covered_pixels(
 
     Images are in grey levels.
     """
-    where = background_range.weakly(image)
     size = (image.shape[1], image.shape[0])
-    if not where.any():
-        return CoveredPixels(
-            frame, t_s, np.zeros((0, 2), np.int16), np.zeros(0, np.float16), np.zeros(0, np.int8), size
-        )
-    x, y, width, height = cv2.boundingRect(where)
-    part = (slice(y, y + height), slice(x, x + width))
-    shown = where[part] > 0
-    coverages = np.zeros((len(classes), height, width), dtype=np.float32)
-    coverages[:, shown] = class_coverages(classes, image[part][shown].astype(np.float32), background[part][shown])
-    for number, appearance in enumerate(classes):
-        coverages[number] *= _thick(coverages[number], appearance.radius)
-    class_of, share = coverages.argmax(axis=0), coverages.max(axis=0)
-    rows, columns = np.nonzero(share > MIN_COVERAGE)
-    xy = np.stack([columns + x, rows + y], axis=-1).astype(np.int16)
-    return CoveredPixels(
-        frame, t_s, xy, share[rows, columns].astype(np.float16), class_of[rows, columns].astype(np.int8), size
-    )
+    rows, columns = np.nonzero(background_range.weakly(image))
+    shares = np.zeros((len(classes), len(rows)), dtype=np.float32)
+    if len(rows):
+        shown, behind = image[rows, columns].astype(np.float32), background[rows, columns]
+        for share, coverage, appearance in zip(shares, class_coverages(classes, shown, behind), classes, strict=True):
+            covered = np.zeros(image.shape[:2], dtype=np.uint8)
+            covered[rows, columns] = coverage > HALF_COVERED
+            share[:] = coverage * _thick(covered, appearance.radius)[rows, columns]
+    most = shares.max(axis=0)
+    chosen = most > MIN_COVERAGE
+    xy = np.stack([columns[chosen], rows[chosen]], axis=-1).astype(np.int16)
+    class_index = shares[:, chosen].argmax(axis=0).astype(np.int8)
+    return CoveredPixels(frame, t_s, xy, most[chosen].astype(np.float16), class_index, size)
 
 
-def _thick(share: Image, radius: float) -> Image:
-    """1 where the covered region is as thick as a body, or adjacent to that; removes cords and specks."""
+def _thick(covered: Bytes, radius: float) -> Bytes:
+    """1 where the covered region (h, w) is as thick as a body, or adjacent to that; removes cords and specks."""
     side = 2 * max(1, int(THIN * radius)) + 1
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
-    covered = cv2.copyMakeBorder((share > HALF_COVERED).astype(np.uint8), side, side, side, side, cv2.BORDER_REPLICATE)
-    opened = cv2.dilate(cv2.morphologyEx(covered, cv2.MORPH_OPEN, disc), np.ones((5, 5), np.uint8))
-    return opened[side:-side, side:-side].astype(np.float32)
+    thick = np.zeros_like(covered)
+    for left, top, right, bottom in _boxes_about(covered, side):
+        window = slice(top, bottom), slice(left, right)
+        part = cv2.copyMakeBorder(covered[window], side, side, side, side, cv2.BORDER_REPLICATE)
+        opened = cv2.dilate(cv2.morphologyEx(part, cv2.MORPH_OPEN, disc), np.ones((5, 5), np.uint8))
+        thick[window] = opened[side:-side, side:-side]
+    return thick
+
+
+def _boxes_about(covered: Bytes, side: int) -> list[Box]:
+    """Boxes about the parts of a mask that are at least ``side`` px wide and high, or at its edge; the others go."""
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(covered, connectivity=8)
+    size = (covered.shape[1], covered.shape[0])
+    parts = [(int(x), int(y), int(x + width), int(y + height)) for x, y, width, height, _ in stats]
+    kept = [
+        number
+        for number, (x0, y0, x1, y1) in enumerate(parts[:count])
+        if number and (min(x1 - x0, y1 - y0) >= side or x0 == 0 or y0 == 0 or x1 == size[0] or y1 == size[1])
+    ]
+    is_kept = np.zeros(count, dtype=np.uint8)
+    is_kept[kept] = 1
+    covered[:] = is_kept[labels]
+    return merged(grown(parts[number], NEAR, size) for number in kept)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
