@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from iris_sysid.calibration.board.board import Board, BoardView
-from iris_sysid.calibration.board.corner_errors import covariance_of_fit, relative_errors
+from iris_sysid.calibration.board.corner_errors import covariance_of_fit, relative_errors, usual_error
 from iris_sysid.calibration.bundle_adjustment import Points, matrix_of, pose_of, projected, rotation_of
 from iris_sysid.calibration.camera import USUAL_FOCAL, CameraCalibration, rms_of
 from iris_sysid.calibration.distortion import distort
@@ -142,7 +142,7 @@ def _with_camera(
     slopes = slopes_at_zero(numbers, steps)
     # a change of the camera also moves the fitted pose: implicit function of the normal equations
     slopes[:, 6:15] -= slopes[:, :6] @ inverse @ by_pose.T @ by_camera
-    corners = covariance_of_fit(by_pose, residual / errors[:, None], points.seen_px)
+    corners = covariance_of_fit(by_pose, residual / errors[:, None], points.seen_px, _encoded_error(view))
     distorts = bool(np.any(camera.distortion))
     return with_scale(
         Calibration(
@@ -210,7 +210,7 @@ def _without_camera(
         np.asarray(view.corners_px),
         relative_errors(np.asarray(view.stderr_px)),
     )
-    fit = _one_view(points, view.image_size)
+    fit = _one_view(points, view.image_size, _encoded_error(view))
     middle = fit.camera_matrix[:2, 2]
 
     def numbers(change: Array) -> Array:
@@ -250,7 +250,7 @@ def _without_camera(
     )
 
 
-def _one_view(points: Points, image_size: tuple[int, int]) -> _OneView:
+def _one_view(points: Points, image_size: tuple[int, int], encoded_px: float | None) -> _OneView:
     """Fit a homography, and k1 of a lens centred in the image where it is significant."""
     focal = USUAL_FOCAL * max(image_size)  # only gives k1 its unit
     camera_matrix = matrix_of(np.array([focal, focal, (image_size[0] - 1) / 2, (image_size[1] - 1) / 2]))
@@ -258,12 +258,12 @@ def _one_view(points: Points, image_size: tuple[int, int]) -> _OneView:
     residual = points.seen_px - apply_homography(to_image, points.board_m)
     _check_freedom(residual, unknowns=9)
     slopes = homography_sensitivity(to_image, points.board_m)[..., :8].reshape(-1, 8)
-    plain = _OneView(to_image, camera_matrix, 0.0, residual, _covariance(slopes, residual, points))
-    bowed = _with_lens(points, plain)
+    plain = _OneView(to_image, camera_matrix, 0.0, residual, _covariance(slopes, residual, points, encoded_px))
+    bowed = _with_lens(points, plain, encoded_px)
     return bowed if abs(bowed.k1) > BOW_DEVIATIONS * math.sqrt(bowed.covariance[8, 8]) else plain
 
 
-def _with_lens(points: Points, start: _OneView) -> _OneView:
+def _with_lens(points: Points, start: _OneView, encoded_px: float | None) -> _OneView:
     focal, middle = start.camera_matrix[0, 0], start.camera_matrix[:2, 2]
     params = np.append(start.to_image.ravel()[:8], 0.0)
     for _ in range(GAUSS_NEWTON_STEPS):
@@ -279,15 +279,16 @@ def _with_lens(points: Points, start: _OneView) -> _OneView:
         if np.abs(step).max() < 1e-9:
             break
         params = params + step / size
-    return _OneView(to_image, start.camera_matrix, float(params[8]), residual, _covariance(slopes, residual, points))
+    covariance = _covariance(slopes, residual, points, encoded_px)
+    return _OneView(to_image, start.camera_matrix, float(params[8]), residual, covariance)
 
 
-def _covariance(slopes: Array, residual: Array, points: Points) -> Array:
+def _covariance(slopes: Array, residual: Array, points: Points, encoded_px: float | None) -> Array:
     """Covariance (9, 9) of up to nine fitted numbers, zero for those beyond them."""
     fitted = slopes.shape[1]
     covariance = np.zeros((9, 9))
     covariance[:fitted, :fitted] = covariance_of_fit(
-        slopes / points.rows[:, None], residual / points.errors[:, None], points.seen_px
+        slopes / points.rows[:, None], residual / points.errors[:, None], points.seen_px, encoded_px
     )
     return covariance
 
@@ -295,6 +296,11 @@ def _covariance(slopes: Array, residual: Array, points: Points) -> Array:
 def _check_freedom(residual: Array, unknowns: int) -> None:
     if residual.size - unknowns < 1:
         raise CalibrationError(f"{len(residual)} corners are too few to say how well they fit; show more of the board")
+
+
+def _encoded_error(view: BoardView) -> float | None:
+    """Usual error of the corners in a frame of a clip, px; None for an image."""
+    return usual_error(view.stderr_px) if view.t_s is not None else None
 
 
 def _squared(column: Array) -> Array:
