@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
@@ -24,10 +24,23 @@ FIXED = {"k1": cv2.CALIB_FIX_K1, "k2": cv2.CALIB_FIX_K2, "k3": cv2.CALIB_FIX_K3}
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Points:
-    """Corners of one view: ``board_m`` (n, 2) on the board and ``seen_px`` (n, 2) in the image."""
+    """Corners of one view: ``board_m`` (n, 2) on the board and ``seen_px`` (n, 2) in the image.
+
+    ``errors`` (n,) are theirs relative to the usual error; empty where all are alike.
+    """
 
     board_m: Array
     seen_px: Array
+    errors: Array = field(default_factory=lambda: np.empty(0))
+
+    def __post_init__(self) -> None:
+        if not self.errors.size:
+            object.__setattr__(self, "errors", np.ones(len(self.board_m)))
+
+    @property
+    def rows(self) -> Array:
+        """The relative errors of the coordinates (2 n,), x and y of a corner in turn."""
+        return np.repeat(self.errors, 2)
 
     @property
     def space_m(self) -> Array:
@@ -181,19 +194,19 @@ def pose_of(parameters: Array, points: Points) -> Array:
 
 
 def _polished_pose(parameters: Array, points: Points, pose: Array) -> Array:
-    damping = 1e-6
+    damping, rows = 1e-6, points.rows
     pixels, slopes, _ = projected(parameters, pose, points.board_m)
-    residual = (points.seen_px - pixels).ravel()
+    slopes, residual = slopes / rows[:, None], (points.seen_px - pixels).ravel() / rows
     for _ in range(POLISHING_STEPS):
         best = float(residual @ residual)
         normal = slopes.T @ slopes
         step = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), slopes.T @ residual)
         pixels, trial_slopes, _ = projected(parameters, pose + step, points.board_m)
-        trial = (points.seen_px - pixels).ravel()
+        trial = (points.seen_px - pixels).ravel() / rows
         if trial @ trial > best:
             damping *= 100
             continue
-        pose, slopes, residual, damping = pose + step, trial_slopes, trial, damping / 10
+        pose, slopes, residual, damping = pose + step, trial_slopes / rows[:, None], trial, damping / 10
         if best - trial @ trial < 1e-14 * best:
             break
     return pose

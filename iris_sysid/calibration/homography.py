@@ -54,7 +54,7 @@ def slopes_at_zero(function: Callable[[Array], Array], steps: Array) -> Array:
     return np.column_stack(columns)
 
 
-def fit_homography(source: Array, target: Array) -> tuple[Array, Array]:
+def fit_homography(source: Array, target: Array, errors: Array | None = None) -> tuple[Array, Array]:
     """Fit the homography that takes points to measured points, with least squares in the measured ones.
 
     Each plane has a unit of its own, px or m.
@@ -68,13 +68,16 @@ def fit_homography(source: Array, target: Array) -> tuple[Array, Array]:
         Points (n, 2) without error.
     target
         The same points as measured (n, 2), n at least 4.
+    errors
+        (n,) of the measured points, relative to one another; None where all are alike.
 
     Returns
     -------
     homography
         (3, 3) with its last entry 1.
     covariance
-        (9, 9) of its entries, row by row, for measured points whose coordinates have the variance 1.
+        (9, 9) of its entries, row by row, for measured points whose coordinates have the variance 1, or
+        these errors squared.
 
     Raises
     ------
@@ -83,20 +86,21 @@ def fit_homography(source: Array, target: Array) -> tuple[Array, Array]:
     """
     if len(source) < 4:
         raise CalibrationError(f"a plane needs at least 4 points, not {len(source)}; show more of the board")
+    rows = np.repeat(np.ones(len(source)) if errors is None else errors, 2)
     into, out = _normaliser(source), _normaliser(target)
     normal_source, normal_target = apply_homography(into, source), apply_homography(out, target)
     normal = _direct_linear(normal_source, normal_target)
     for _ in range(STEPS):
         slopes = homography_sensitivity(normal, normal_source)[..., :8].reshape(-1, 8)
         residual = (normal_target - apply_homography(normal, normal_source)).ravel()
-        step = np.linalg.lstsq(slopes, residual, rcond=None)[0]
+        step = np.linalg.lstsq(slopes / rows[:, None], residual / rows, rcond=None)[0]
         normal = normal + np.append(step, 0.0).reshape(3, 3)
         if np.abs(step).max() < 1e-12:
             break
     homography = np.linalg.inv(out) @ normal @ into
     homography = homography / homography[2, 2]
     slopes = homography_sensitivity(homography, source)[..., :8].reshape(-1, 8)
-    return homography, _covariance(slopes)
+    return homography, _covariance(slopes / rows[:, None])
 
 
 def _normaliser(points: Array) -> Array:

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from iris_sysid.errors import DataError, FitError, IrisError, OutputError
+from iris_sysid.io.compiling import when_compiling
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from iris_sysid.types import FitResult, OdeModel, Track, Trajectory, Verdict
 
 NOT_GOOD = 3  # exit status with --strict
+FIRST_USE = "first use: compiling (a minute or two, kept for later)"
 MAX_LINE = 4000  # characters of a message: names and cells of a damaged file can have megabytes
 
 
@@ -286,7 +288,10 @@ def _moving(first: str) -> Iterator[Callable[[str, int, int], None]]:
     console = Console(stderr=True)
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as line:
         task = line.add_task(first, total=None)
-        yield lambda text, done, expected: line.update(task, description=text, completed=done, total=expected or None)
+        with when_compiling(lambda: line.console.print(FIRST_USE, style="dim")):
+            yield lambda text, done, expected: line.update(
+                task, description=text, completed=done, total=expected or None
+            )
 
 
 def lines(text: str) -> str:

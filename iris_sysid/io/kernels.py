@@ -3,11 +3,37 @@
 from __future__ import annotations
 
 import functools
+import time
 from collections.abc import Callable
 from typing import Any, Literal
 
 from numba import njit
+from numba.core import event
 from numba.core.types.misc import unliteral
+
+from iris_sysid.io.compiling import CompileTime
+
+
+class _Listener(event.Listener):  # type: ignore[misc]
+    """Counts what numba compiles; loading kept machine code raises none of these events."""
+
+    def __init__(self) -> None:
+        self.time, self.depth, self.began_s = CompileTime(), 0, 0.0
+
+    def on_start(self, event: Any) -> None:
+        """Begin to count, unless a kernel is compiled for another one."""
+        if self.depth == 0:
+            self.began_s = time.perf_counter()
+        self.depth += 1
+
+    def on_end(self, event: Any) -> None:
+        """Count up to here."""
+        now = time.perf_counter()
+        self.time.add(now - self.began_s)
+        self.depth, self.began_s = self.depth - 1, now
+
+
+event.register("numba:compile", _Listener())
 
 
 def kernel(

@@ -95,8 +95,8 @@ def test_small_board_is_seen_in_the_first_frame_and_gives_scale_and_axes(tmp_pat
     found = calibrate_plane(CalibrationRequest((tmp_path / "board.mp4",), ByBoard(shown))).calibration
     assert not found.doubts
     assert "frame 0 (0.000 s), the first that shows the board, lies in its plane" in found.assumed
-    assert abs(found.scale.value - truth["camera"]["pixels_per_metre"]) < 4 * found.scale.stderr
-    assert found.scale.stderr < 1e-3 * found.scale.value
+    assert abs(found.scale.value - truth["camera"]["pixels_per_metre"]) < 2.5 * found.scale.stderr
+    assert found.scale.stderr < 2e-3 * found.scale.value
     _, stretch, shear_rad, _ = geometry_of(found.values, found.centre_px)
     assert (stretch, shear_rad) == pytest.approx((1.0, 0.0), abs=1e-3)
 
@@ -105,7 +105,7 @@ def test_small_board_is_seen_in_the_first_frame_and_gives_scale_and_axes(tmp_pat
 def test_error_of_the_scale_from_one_view_covers_over_scenes_and_sizes(tmp_path, monkeypatch):
     """Corners of one column lie at the same place in their pixels and share their error: more corners help little."""
     monkeypatch.setattr("iris_sysid.synthetic.board.POSES", 2)  # the board at rest in the plane of motion
-    sizes = [(312, 176), (328, 184), (368, 208), (400, 226), (480, 270)]
+    sizes = [(312, 176), (320, 180), (328, 184), (368, 208), (400, 226), (480, 270)]
     scenes = ("pendulum", "dropping-ball", "sliding-cone", "hitting-cones")
     pulls = []
     for seed, (size, scene) in enumerate(itertools.product(sizes, scenes)):
@@ -115,4 +115,5 @@ def test_error_of_the_scale_from_one_view_covers_over_scenes_and_sizes(tmp_path,
         by_board = ByBoard(Board(9, 6, truth["board"]["square_m"]), BoardPlacement(view=2), one_image=True)
         found = calibrate_plane(CalibrationRequest((clip,), by_board)).calibration.scale
         pulls.append((found.value - truth["camera"]["pixels_per_metre"]) / found.stderr)
-    assert 0.8 < np.sqrt(np.mean(np.square(pulls))) < 1.25
+    assert 0.5 < np.sqrt(np.mean(np.square(pulls))) < 1.25
+    assert np.mean(np.abs(pulls) < 1.96) > 0.9

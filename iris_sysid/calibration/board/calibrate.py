@@ -278,7 +278,7 @@ def _view_in_clip(clip: Video, board: Board, requested: int | None) -> tuple[Boa
     for frame in clip.frames():
         last = frame
         if frame.index >= requested:
-            return find_board(frame.luma, board, name=_name_of(frame)), frame.luma.copy()
+            return _in_frame(frame, board), frame.luma.copy()
     raise CalibrationError(f"the clip has no frame {requested}; its last is {last.index if last else 'none'}")
 
 
@@ -289,7 +289,7 @@ def _first_view(clip: Video, board: Board) -> tuple[BoardView, Luma]:
     for frame in clip.frames():
         last = frame
         try:
-            view, luma = find_board(frame.luma, board, name=_name_of(frame), thorough=False), frame.luma.copy()
+            view, luma = _in_frame(frame, board, thorough=False), frame.luma.copy()
         except BoardError as error:
             if error.seen:
                 raise
@@ -301,16 +301,18 @@ def _first_view(clip: Video, board: Board) -> tuple[BoardView, Luma]:
         return _slowly(before, board) or (view, luma)
     if last is None:
         raise CalibrationError("the clip has no frame to look for a board in")
-    return _slowly(before, board) or (find_board(last.luma, board, name=_name_of(last)), last.luma)  # says why
+    return _slowly(before, board) or (_in_frame(last, board), last.luma)  # says why
 
 
 def _slowly(frames: Sequence[Frame], board: Board) -> tuple[BoardView, Luma] | None:
     """The board in the first of some frames that shows it when every scale is searched; None where none does."""
     for frame in frames:
         with suppress(BoardError):
-            return find_board(frame.luma, board, name=_name_of(frame)), frame.luma
+            return _in_frame(frame, board), frame.luma
     return None
 
 
-def _name_of(frame: Frame) -> str:
-    return f"frame {frame.index} ({frame.t_s:.3f} s)"
+def _in_frame(frame: Frame, board: Board, *, thorough: bool = True) -> BoardView:
+    """The board in a frame of a clip, which an encoder compressed: its view has the frame's time."""
+    name = f"frame {frame.index} ({frame.t_s:.3f} s)"
+    return find_board(frame.luma, board, name=name, thorough=thorough).named(name, frame.t_s)

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from iris_sysid.calibration.board.board import Board, BoardView
-from iris_sysid.calibration.board.corner_errors import covariance_of_fit
+from iris_sysid.calibration.board.corner_errors import covariance_of_fit, relative_errors, usual_error
 from iris_sysid.calibration.bundle_adjustment import Points, matrix_of, pose_of, projected, rotation_of
 from iris_sysid.calibration.camera import USUAL_FOCAL, CameraCalibration, rms_of
 from iris_sysid.calibration.distortion import distort
@@ -117,12 +117,14 @@ def _check_offset(offset_m: float, offset_stderr_m: float, distance_m: float | N
 def _with_camera(
     view: BoardView, board: Board, camera: CameraCalibration, offset_m: float, offset_stderr_m: float
 ) -> Calibration:
-    points = Points(view.points_m(board), np.asarray(view.corners_px))
+    errors = relative_errors(np.asarray(view.stderr_px))
+    points = Points(view.points_m(board), np.asarray(view.corners_px), errors)
     parameters = camera.parameters
     pose = pose_of(parameters, points)
     pixels, by_pose, by_camera = projected(parameters, pose, points.board_m)
     residual = points.seen_px - pixels
     _check_freedom(residual, unknowns=6)
+    by_pose, by_camera = by_pose / points.rows[:, None], by_camera / points.rows[:, None]
     inverse = np.linalg.inv(by_pose.T @ by_pose)
 
     def numbers(change: Array) -> Array:
@@ -140,7 +142,7 @@ def _with_camera(
     slopes = slopes_at_zero(numbers, steps)
     # a change of the camera also moves the fitted pose: implicit function of the normal equations
     slopes[:, 6:15] -= slopes[:, :6] @ inverse @ by_pose.T @ by_camera
-    corners = covariance_of_fit(by_pose, residual, points.seen_px)
+    corners = covariance_of_fit(by_pose, residual / errors[:, None], points.seen_px, _encoded_error(view))
     distorts = bool(np.any(camera.distortion))
     return with_scale(
         Calibration(
@@ -203,7 +205,12 @@ class _OneView:
 def _without_camera(
     view: BoardView, board: Board, offset: tuple[float, float], distance: tuple[float, float]
 ) -> Calibration:
-    fit = _one_view((view.points_m(board) - board.centre_m) * [1, -1], np.asarray(view.corners_px), view.image_size)
+    points = Points(
+        (view.points_m(board) - board.centre_m) * [1, -1],
+        np.asarray(view.corners_px),
+        relative_errors(np.asarray(view.stderr_px)),
+    )
+    fit = _one_view(points, view.image_size, _encoded_error(view))
     middle = fit.camera_matrix[:2, 2]
 
     def numbers(change: Array) -> Array:
@@ -243,43 +250,57 @@ def _without_camera(
     )
 
 
-def _one_view(world: Array, seen: Array, image_size: tuple[int, int]) -> _OneView:
+def _one_view(points: Points, image_size: tuple[int, int], encoded_px: float | None) -> _OneView:
     """Fit a homography, and k1 of a lens centred in the image where it is significant."""
     focal = USUAL_FOCAL * max(image_size)  # only gives k1 its unit
     camera_matrix = matrix_of(np.array([focal, focal, (image_size[0] - 1) / 2, (image_size[1] - 1) / 2]))
-    to_image = fit_homography(world, seen)[0]
-    residual = seen - apply_homography(to_image, world)
+    to_image = fit_homography(points.board_m, points.seen_px, points.errors)[0]
+    residual = points.seen_px - apply_homography(to_image, points.board_m)
     _check_freedom(residual, unknowns=9)
-    slopes = homography_sensitivity(to_image, world)[..., :8].reshape(-1, 8)
-    covariance = np.zeros((9, 9))
-    covariance[:8, :8] = covariance_of_fit(slopes, residual, seen)
-    plain = _OneView(to_image, camera_matrix, 0.0, residual, covariance)
-    bowed = _with_lens(world, seen, plain)
+    slopes = homography_sensitivity(to_image, points.board_m)[..., :8].reshape(-1, 8)
+    plain = _OneView(to_image, camera_matrix, 0.0, residual, _covariance(slopes, residual, points, encoded_px))
+    bowed = _with_lens(points, plain, encoded_px)
     return bowed if abs(bowed.k1) > BOW_DEVIATIONS * math.sqrt(bowed.covariance[8, 8]) else plain
 
 
-def _with_lens(world: Array, seen: Array, start: _OneView) -> _OneView:
+def _with_lens(points: Points, start: _OneView, encoded_px: float | None) -> _OneView:
     focal, middle = start.camera_matrix[0, 0], start.camera_matrix[:2, 2]
     params = np.append(start.to_image.ravel()[:8], 0.0)
     for _ in range(GAUSS_NEWTON_STEPS):
         to_image = np.append(params[:8], 1.0).reshape(3, 3)
-        flat = (apply_homography(to_image, world) - middle) / focal
+        flat = (apply_homography(to_image, points.board_m) - middle) / focal
         distorted, by_point, by_lens = distort(flat, np.array([params[8], 0, 0, 0, 0]))
-        residual = seen - distorted * focal - middle
-        by_entries = by_point @ homography_sensitivity(to_image, world)[..., :8]
+        residual = points.seen_px - distorted * focal - middle
+        by_entries = by_point @ homography_sensitivity(to_image, points.board_m)[..., :8]
         slopes = np.concatenate([by_entries, focal * by_lens[..., :1]], axis=2).reshape(-1, 9)
-        size = np.linalg.norm(slopes, axis=0)
-        step = np.linalg.lstsq(slopes / size, residual.ravel(), rcond=None)[0]
+        weighted = slopes / points.rows[:, None]
+        size = np.linalg.norm(weighted, axis=0)
+        step = np.linalg.lstsq(weighted / size, residual.ravel() / points.rows, rcond=None)[0]
         if np.abs(step).max() < 1e-9:
             break
         params = params + step / size
-    covariance = covariance_of_fit(slopes, residual, seen)
+    covariance = _covariance(slopes, residual, points, encoded_px)
     return _OneView(to_image, start.camera_matrix, float(params[8]), residual, covariance)
+
+
+def _covariance(slopes: Array, residual: Array, points: Points, encoded_px: float | None) -> Array:
+    """Covariance (9, 9) of up to nine fitted numbers, zero for those beyond them."""
+    fitted = slopes.shape[1]
+    covariance = np.zeros((9, 9))
+    covariance[:fitted, :fitted] = covariance_of_fit(
+        slopes / points.rows[:, None], residual / points.errors[:, None], points.seen_px, encoded_px
+    )
+    return covariance
 
 
 def _check_freedom(residual: Array, unknowns: int) -> None:
     if residual.size - unknowns < 1:
         raise CalibrationError(f"{len(residual)} corners are too few to say how well they fit; show more of the board")
+
+
+def _encoded_error(view: BoardView) -> float | None:
+    """Usual error of the corners in a frame of a clip, px; None for an image."""
+    return usual_error(view.stderr_px) if view.t_s is not None else None
 
 
 def _squared(column: Array) -> Array:
