@@ -189,7 +189,7 @@ class _WeakForm:
     def moved(self, params: Array, which: Sequence[int] | NDArray[np.intp], most: Array) -> Array:
         """Derivatives (w, q, k) of the bounded residual, in units of the left side's scatter, by k parameters.
 
-        ``params`` (p,), of which those in ``which`` (k,) are moved; they may be at ``most`` (k,).
+        ``params`` (p,); those in ``which`` (k,) are moved, and may be at ``most`` (k,).
         """
         columns = np.repeat(params[:, None], len(which) + 1, axis=1)
         steps = STEP * np.maximum(np.abs(params[which]), STEP)
