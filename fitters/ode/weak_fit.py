@@ -186,6 +186,14 @@ class _WeakForm:
             mean = self.windows @ slopes.reshape(len(slopes), -1)
             return np.asarray(self.left[:, :, None] - mean.reshape(*self.left.shape, -1))
 
+    def bounded(self, columns: Array) -> Array:
+        """Residuals (w, q, c) of columns (p, c), in units of the left side's scatter, where no value is infinite.
+
+        A motion may run away for a trial value.
+        """
+        scaled = self.residuals(columns) / np.std(self.left, axis=0)[:, None]
+        return np.clip(np.nan_to_num(scaled, nan=MAX_RESIDUAL), -MAX_RESIDUAL, MAX_RESIDUAL)
+
     def moved(self, params: Array, which: Sequence[int] | NDArray[np.intp], most: Array) -> Array:
         """Derivatives (w, q, k) of the bounded residual, in units of the left side's scatter, by k parameters.
 
@@ -195,7 +203,7 @@ class _WeakForm:
         steps = STEP * np.maximum(np.abs(params[which]), STEP)
         steps = np.where(params[which] + steps > most, -steps, steps)
         columns[which, np.arange(1, len(which) + 1)] += steps
-        found = _bounded(self.residuals(columns) / np.std(self.left, axis=0)[:, None])
+        found = self.bounded(columns)
         return np.asarray((found[:, :, 1:] - found[:, :, :1]) / steps)
 
     def gains(self, values: Mapping[str, float], forces: Callable[[Array, Array, Array], Array]) -> Array:
@@ -224,7 +232,7 @@ class _WeakForm:
             for name, value in zip(task.model.initial_names, self._first(), strict=True)
         ]
         free = [k for k, name in enumerate(task.unknowns.names) if name not in task.model.initial_names]
-        which, size = task.unknowns.which[free], np.std(self.left, axis=0)
+        which = task.unknowns.which[free]
         bounds = task.unknowns.lower[free], task.unknowns.upper[free]
 
         def whole(now: Array) -> Array:
@@ -233,7 +241,7 @@ class _WeakForm:
             return params
 
         def flat(now: Array) -> Array:
-            return _bounded(self.residual(whole(now)) / size).ravel()
+            return self.bounded(whole(now)[:, None]).ravel()
 
         def slopes_of(now: Array) -> Array:
             return self.moved(whole(now), which, bounds[1]).reshape(self.left.size, -1)
@@ -259,11 +267,6 @@ class _WeakForm:
         residual = flat(vector[which]).reshape(self.left.shape)
         left_out = _left_out(jacobian.reshape(*self.left.shape, -1), residual)
         return WeakFit(dict(zip(names, vector.tolist(), strict=True)), errors, residual, left_out)
-
-
-def _bounded(residual: Array) -> Array:
-    """A residual where no value is infinite: a motion may run away for a trial value."""
-    return np.clip(np.nan_to_num(residual, nan=MAX_RESIDUAL), -MAX_RESIDUAL, MAX_RESIDUAL)
 
 
 def _unit_columns(columns: Array) -> Array:

@@ -497,14 +497,12 @@ def _settled(
         if rival is not None:
             final = rival
             continue
-        rests = [(effect, cache.without(final, effect)) for effect in unsized]
-        rests = [(effect, rest) for effect, rest in rests if rest.usable]
-        if not rests:
+        left_out = next((each for each in unsized if world.shares.allows(cache.without(final, each))), None)
+        left_out = left_out or next((each for each in unsized if cache.without(final, each).usable), None)
+        if left_out is None:
             return report, weak
-        # the least known of those without which the others are of possible sizes
-        left_out, rest = max(rests, key=lambda each: world.shares.allows(each[1]))
         weak.append((left_out.name, report.size(left_out.parameters[0].name)))
-        final = rest
+        final = cache.without(final, left_out)
 
 
 def _unsized(report: SearchReport) -> list[Effect]:
