@@ -45,8 +45,8 @@ class BlockErrors:
 
     @property
     def mean(self) -> float:
-        """The mean squared error of a sample, in units of the noise."""
-        return float(np.average(self.squares, weights=self.counts))
+        """The typical squared error of a sample, in units of the noise: that whose score is the mean score."""
+        return float(np.expm1(np.average(_scores(self.squares), weights=self.counts)))
 
     def share_below(self, other: BlockErrors) -> float:
         """The share of block bootstraps in which this error is smaller than another one over the same blocks."""
@@ -55,7 +55,7 @@ class BlockErrors:
     def gain_over(self, other: BlockErrors) -> tuple[float, float]:
         """By how much this mean error is smaller than another one, and the block standard error of that."""
         draws = _draws(other, self)
-        return other.mean - self.mean, float(np.std(draws))
+        return float(np.mean(draws)), float(np.std(draws))
 
     def is_steady(self, name: str) -> bool:
         """Whether a value has the same sign in each fit without a block that determines it, in the mean over clips."""
@@ -87,10 +87,19 @@ class BlockErrors:
         return found
 
 
+def _scores(squares: Array) -> Array:
+    """Scores (b,) of mean squared errors of blocks, in units of the noise: their log density but for a factor.
+
+    How far off a model is in a block is not known beforehand: noise of unknown size beside the known one. A block that
+    no model predicts then weighs no more than another.
+    """
+    return np.log1p(squares)
+
+
 def _draws(worse: BlockErrors, better: BlockErrors) -> Array:
     """Differences of the mean errors in bootstraps of the blocks (DRAWS,)."""
     with np.errstate(invalid="ignore"):
-        difference = np.nan_to_num(worse.squares - better.squares, nan=0.0, posinf=1e30, neginf=-1e30)
+        difference = np.nan_to_num(_scores(worse.squares) - _scores(better.squares), nan=0.0, posinf=1e30, neginf=-1e30)
     drawn = np.random.default_rng(SEED).integers(difference.size, size=(DRAWS, difference.size))
     weights = worse.counts[drawn]
     return np.asarray(np.sum(weights * difference[drawn], axis=1) / np.sum(weights, axis=1))
