@@ -225,6 +225,7 @@ def _refitted(
 ) -> FitResult:
     """One clip's fit; an effect whose shape is chosen and not fitted gets the best shape near its starting shape."""
     values, weak = _nearest_start(clip, fitted, start, unit, model, effects)
+    values |= {} if weak else _with_shapes_held(clip, fitted, start, values, model, effects)
     best = _fit_from(clip, values, fitted.free, model, effects)
     if len(effects) == 1 and not weak:
         misfit = _misfit(clip, best, unit) if best.usable else np.inf
@@ -243,6 +244,25 @@ def _refitted(
                 break
             best = moved
     return best
+
+
+def _with_shapes_held(
+    clip: FitRequest,
+    fitted: FitResult,
+    start: Starts,
+    values: Mapping[str, float],
+    model: OdeModel,
+    effects: Sequence[Effect],
+) -> dict[str, float]:
+    """The free values of a fit that holds the shapes of new effects where they start; none where there are no shapes.
+
+    Beside a size near zero a shape is not determined, and the first step of a fit of both leads anywhere.
+    """
+    fixed = {each.name: values[each.name] for effect in effects if effect.name in start for each in effect.parameters[1:] if not each.constant}
+    if not fixed:
+        return {}
+    sized = _fit_from(clip.with_(fixed={**clip.fixed, **fixed}), values, fitted.free, model, effects)
+    return free_values(sized) if sized.usable else {}
 
 
 def _nearest_start(
