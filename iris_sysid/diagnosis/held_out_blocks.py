@@ -53,9 +53,8 @@ class BlockErrors:
         return float(np.mean(_draws(other, self) > 0))
 
     def gain_over(self, other: BlockErrors) -> tuple[float, float]:
-        """By how much this mean error is smaller than another one, and the block standard error of that."""
-        draws = _draws(other, self)
-        return float(np.mean(draws)), float(np.std(draws))
+        """By how much the mean score is smaller than another one, and the block standard error of that."""
+        return float(np.log1p(other.mean) - np.log1p(self.mean)), float(np.std(_draws(other, self)))
 
     def is_steady(self, name: str) -> bool:
         """Whether a value has the same sign in each fit without a block that determines it, in the mean over clips."""
@@ -97,7 +96,7 @@ def _scores(squares: Array) -> Array:
 
 
 def _draws(worse: BlockErrors, better: BlockErrors) -> Array:
-    """Differences of the mean errors in bootstraps of the blocks (DRAWS,)."""
+    """Differences of the mean scores in bootstraps of the blocks (DRAWS,)."""
     with np.errstate(invalid="ignore"):
         difference = np.nan_to_num(_scores(worse.squares) - _scores(better.squares), nan=0.0, posinf=1e30, neginf=-1e30)
     drawn = np.random.default_rng(SEED).integers(difference.size, size=(DRAWS, difference.size))

@@ -258,7 +258,8 @@ def _with_shapes_held(
 
     Beside a size near zero a shape is not determined, and the first step of a fit of both leads anywhere.
     """
-    fixed = {each.name: values[each.name] for effect in effects if effect.name in start for each in effect.parameters[1:] if not each.constant}
+    new = [effect for effect in effects if effect.name in start]
+    fixed = {each.name: values[each.name] for effect in new for each in effect.parameters[1:] if not each.constant}
     if not fixed:
         return {}
     sized = _fit_from(clip.with_(fixed={**clip.fixed, **fixed}), values, fitted.free, model, effects)
