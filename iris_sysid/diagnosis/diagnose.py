@@ -492,7 +492,7 @@ def _settled(
         doubtful = [*unsized, *(each for each in world.imitating(final) if each not in unsized)]
         rivals = (rival for effect in doubtful for rival in cache.equally_good(final, effect))
         rival = next(
-            (each for each in rivals if not _unsized(SearchReport(cache, each)) and not world.imitating(each)), None
+            (each for each in rivals if _is_sized(SearchReport(cache, each)) and not world.imitating(each)), None
         )
         if rival is not None:
             final = rival
@@ -510,6 +510,13 @@ def _unsized(report: SearchReport) -> list[Effect]:
     sizes = {effect.name: report.size(effect.parameters[0].name) for effect in report.final.effects}
     unsized = [effect for effect in report.final.effects if holds_zero(sizes[effect.name])]
     return sorted(unsized, key=lambda effect: abs(sizes[effect.name].value) / sizes[effect.name].stderr)
+
+
+def _is_sized(report: SearchReport) -> bool:
+    """Whether no size has an interval that holds zero; rivals are refitted only where it is not so without them."""
+    names = [effect.parameters[0].name for effect in report.final.effects]
+    alone = (pooled(report.final.sizes_of(name)) for name in names)
+    return not any(holds_zero(size) for size in alone) and not _unsized(report)
 
 
 def _proposed(clips: Sequence[FitRequest], final: ModelWithEffects) -> tuple[DiscoveredTerm, ...]:
