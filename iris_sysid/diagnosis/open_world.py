@@ -250,13 +250,14 @@ class OpenWorld:
         return said or self._dominant(model) is effect
 
     def _dominant(self, model: ModelWithEffects) -> Effect | None:
-        """What imitates anything and alone explains nearly all, more than any other, if the components allow it."""
+        """What imitates anything and alone explains nearly all, as no formula does, if the components allow it."""
         if not self._support.known or not model.effects:
             return None
         shares = {effect.name: self.shares.alone(model, effect) for effect in model.effects}
-        most = max(model.effects, key=lambda effect: shares[effect.name])
-        if not most.absorbs or shares[most.name] < DOMINANT_SHARE:
+        nearly_all = [effect for effect in model.effects if shares[effect.name] >= DOMINANT_SHARE]
+        if not nearly_all or not all(effect.absorbs for effect in nearly_all):
             return None
+        most = max(nearly_all, key=lambda effect: shares[effect.name])
         tells = self._support.agrees(most, of_range=True)
         return most if (self._beats_curves(model, most) if self._support.never_turns else tells) else None
 
