@@ -162,3 +162,17 @@ def test_one_component_is_evidence_of_one_effect_that_can_imitate_anything():
     assert named(line) == {"periodic-forcing"}
     own = Component("zero-wander", 0.5, (0.4, 0.6), 0.02, 1.0)
     assert named(Component("periodic-force", 0.4, (0.3, 0.5), 0.02, 1.0), own) == {"periodic-forcing", "zero-wander"}
+
+
+def test_what_imitates_anything_is_not_the_main_effect_beside_a_formula_that_explains_nearly_all():
+    turns = _parts(0.02, Component("periodic-force", 0.4, (0.3, 0.5), 0.02, 1.0))
+
+    def dominant(shares):
+        world = OpenWorld.__new__(OpenWorld)
+        world._support = ComponentSupport(turns, False)
+        world.shares = SimpleNamespace(alone=lambda model, effect: shares[effect.name])
+        found = world._dominant(_predicting(1.0, *shares))
+        return None if found is None else found.name
+
+    assert dominant({"coulomb-friction": 0.6, "periodic-forcing": 0.96}) == "periodic-forcing"
+    assert dominant({"coulomb-friction": 0.93, "periodic-forcing": 0.96}) is None
