@@ -35,18 +35,25 @@ class BlockErrors:
     """Mean squared errors over blocks (b,), in units of the noise, and (b,) their samples; ``rms`` in observed units.
 
     Infinite where a fit without a block failed. ``values`` holds, one a clip and by name, what each fit without a block
-    gave for a free value.
+    gave for a free value. Beyond ``usual``, a squared error that is not unusual without any effect, a larger one counts
+    by its logarithm (Student's t): a block that nothing predicts decides no more than others.
     """
 
     squares: Array
     counts: Array
     rms: float
     values: tuple[Mapping[str, Array], ...] = ()
+    usual: float = np.inf
+
+    @property
+    def scores(self) -> Array:
+        """The squared errors (b,), what is beyond the usual size damped."""
+        return self.usual * np.log1p(self.squares / self.usual) if np.isfinite(self.usual) else self.squares
 
     @property
     def mean(self) -> float:
-        """The typical squared error of a sample, in units of the noise: that whose score is the mean score."""
-        return float(np.expm1(np.average(_scores(self.squares), weights=self.counts)))
+        """The mean score of a sample, in units of the squared noise."""
+        return float(np.average(self.scores, weights=self.counts))
 
     def share_below(self, other: BlockErrors) -> float:
         """The share of block bootstraps in which this error is smaller than another one over the same blocks."""
@@ -54,7 +61,7 @@ class BlockErrors:
 
     def gain_over(self, other: BlockErrors) -> tuple[float, float]:
         """By how much the mean score is smaller than another one, and the block standard error of that."""
-        return float(np.log1p(other.mean) - np.log1p(self.mean)), float(np.std(_draws(other, self)))
+        return other.mean - self.mean, float(np.std(_draws(other, self)))
 
     def is_steady(self, name: str) -> bool:
         """Whether a value has the same sign in each fit without a block that determines it, in the mean over clips."""
@@ -86,19 +93,10 @@ class BlockErrors:
         return found
 
 
-def _scores(squares: Array) -> Array:
-    """Scores (b,) of mean squared errors of blocks, in units of the noise: their log density but for a factor.
-
-    How far off a model is in a block is not known beforehand: noise of unknown size beside the known one. A block that
-    no model predicts then weighs no more than another.
-    """
-    return np.log1p(squares)
-
-
 def _draws(worse: BlockErrors, better: BlockErrors) -> Array:
     """Differences of the mean scores in bootstraps of the blocks (DRAWS,)."""
     with np.errstate(invalid="ignore"):
-        difference = np.nan_to_num(_scores(worse.squares) - _scores(better.squares), nan=0.0, posinf=1e30, neginf=-1e30)
+        difference = np.nan_to_num(worse.scores - better.scores, nan=0.0, posinf=1e30, neginf=-1e30)
     drawn = np.random.default_rng(SEED).integers(difference.size, size=(DRAWS, difference.size))
     weights = worse.counts[drawn]
     return np.asarray(np.sum(weights * difference[drawn], axis=1) / np.sum(weights, axis=1))

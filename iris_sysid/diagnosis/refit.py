@@ -33,6 +33,7 @@ from iris_sysid.types import (
 MAX_HALVINGS = 6  # of a size to first order
 MAX_MOVES = 4  # steps from an effect's shape to a better one nearby
 ACCURATE = 1e-6  # error of a predicted state from its time step, relative: far below the noise of any sensor
+LOST = 0.5  # of the squares, below which another start shows that a fit had lost its way
 MATERIAL = 0.01  # of the squares, by which a better form of an effect reduces them
 FAR_OFF, AT_NOISE = 10.0, 1.1  # residual over noise
 BODY = ("mass", "radius", "length")  # values that a clip may state
@@ -225,8 +226,12 @@ def _refitted(
 ) -> FitResult:
     """One clip's fit; an effect whose shape is chosen and not fitted gets the best shape near its starting shape."""
     values, weak = _nearest_start(clip, fitted, start, unit, model, effects)
-    values |= {} if weak else _with_shapes_held(clip, fitted, start, values, model, effects)
     best = _fit_from(clip, values, fitted.free, model, effects)
+    held = {} if weak else _with_shapes_held(clip, fitted, start, values, model, effects)
+    if held:
+        found = _fit_from(clip, {**values, **held}, fitted.free, model, effects)
+        lost = not best.usable or (found.usable and _misfit(clip, found, unit) < LOST * _misfit(clip, best, unit))
+        best = found if lost else best
     if len(effects) == 1 and not weak:
         misfit = _misfit(clip, best, unit) if best.usable else np.inf
         if misfit > FAR_OFF**2 * fitted.n * len(fitted.rms):
@@ -254,11 +259,12 @@ def _with_shapes_held(
     model: OdeModel,
     effects: Sequence[Effect],
 ) -> dict[str, float]:
-    """The free values of a fit that holds the shapes of new effects where they start; none where there are no shapes.
+    """The free values of a fit that holds the shapes of new effects whose size was halved; none where there are none.
 
     Beside a size near zero a shape is not determined, and the first step of a fit of both leads anywhere.
     """
     new = [effect for effect in effects if effect.name in start]
+    new = [effect for effect in new if abs(values[effect.parameters[0].name]) < abs(start[effect.name][0])]
     fixed = {each.name: values[each.name] for effect in new for each in effect.parameters[1:] if not each.constant}
     if not fixed:
         return {}
