@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +21,7 @@ from iris_sysid.classroom.table_page import write_table_page
 from iris_sysid.errors import DataError, IrisError, OutputError
 from iris_sysid.io.csv_cells import is_own_table
 from iris_sysid.io.csv_read import read_track, read_trajectory
-from iris_sysid.io.csv_write import write_trajectory
+from iris_sysid.io.csv_write import write_track, write_trajectory
 from iris_sysid.io.files import check_writable, origin_of, sha256_of
 from iris_sysid.io.grouped_table import read_group
 from iris_sysid.io.json_documents import checked, entries_of, plain_origin, read_document, write_document, write_fit
@@ -33,9 +32,9 @@ from iris_sysid.pipeline import (
     from_source,
     observe_and_fit,
     open_clip,
-    run,
     run_tracked,
     save,
+    track_clip,
 )
 from iris_sysid.registry import MODELS
 from iris_sysid.trajectory.consistency.capture_rate import STATED
@@ -186,12 +185,13 @@ def _write(group: Group, folder: Path, origin: Mapping[str, Any], corrected: Seq
 
 
 def _of_a_clip(group: Group, folder: Path, corrected: Sequence[Track]) -> Measured:
-    request, path = group.request, group.source.path
+    request, path, tracks = group.request, group.source.path, corrected
     if corrected:
-        chain = partial(run_tracked, open_clip(path, request.clip), corrected, request.phenomenon, source=path)
+        video = open_clip(path, request.clip)
     else:
-        chain = partial(run, path, request.phenomenon, options=request.tracking)
-    result = chain(**request.of_tracks())
+        video, tracks = track_clip(path, request.phenomenon, request)
+        write_track(tracks, folder / TRACK, overwrite=True)  # for a review, also where it cannot be fitted
+    result = run_tracked(video, tracks, request.phenomenon, source=path, **request.of_tracks())
     save(result, folder, overwrite=True)
     world = result.world[0] if request.phenomenon.measures == "position" else None
     facts = result.video.facts if isinstance(result.video, Video) and request.clip.fps is None else {}
