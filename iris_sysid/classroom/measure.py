@@ -26,6 +26,7 @@ from iris_sysid.io.files import check_writable, origin_of, sha256_of
 from iris_sysid.io.grouped_table import read_group
 from iris_sysid.io.json_documents import checked, entries_of, plain_origin, read_document, write_document, write_fit
 from iris_sysid.io.schemas import GroupDocument
+from iris_sysid.io.table_headers import columns_for
 from iris_sysid.pipeline import (
     FILES,
     accepted_settings,
@@ -136,7 +137,7 @@ def _measured_now(root: Path, group: Group) -> tuple[bool, str]:
     except OutputError:
         raise
     except IrisError as error:
-        return True, _failed(group, folder, str(error))
+        return True, _failed(group, folder, _said(error))
     except Exception as error:  # one group must not end the run of all
         return True, _failed(group, folder, f"unexpected {type(error).__name__}: {error}", retry=True)
     return True, ""
@@ -253,11 +254,12 @@ def _fitted_table(group: Group) -> Measured:
 def _check_observed(table: Trajectory, group: Group) -> None:
     model = MODELS[group.request.phenomenon.model]
     names = [quantity.name for quantity in table.quantities]
-    missing = [quantity.name for quantity in model.observed if quantity.name not in names]
+    missing = [quantity for quantity in model.observed if quantity.name not in names]
     if missing:
         raise DataError(
             f"the table holds {', '.join(names)}, but {group.request.phenomenon.name} needs x and z, "
-            f"or {', '.join(missing)}: say which columns they are"
+            f"or {', '.join(quantity.name for quantity in missing)}: say which columns they are",
+            columns=columns_for(group.source.path, missing),
         )
 
 
@@ -305,6 +307,13 @@ def _failed(group: Group, folder: Path, reason: str, *, retry: bool = False) -> 
     document = checked(GroupDocument, **_head(group), status=FAILED, message=message, origin=origin)
     write_document(document, folder / DOCUMENT, overwrite=True)
     return message
+
+
+def _said(error: IrisError) -> str:
+    """The text of an error, with columns as the option and the file of the groups take them."""
+    if isinstance(error, DataError) and error.columns:
+        return f'{error.text}, e.g. columns "{error.typed_columns}"'
+    return str(error)
 
 
 def _lost(root: Path, group: Group) -> tuple[bool, str]:
