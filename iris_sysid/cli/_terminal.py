@@ -281,17 +281,22 @@ def _moving(first: str) -> Iterator[Callable[[str, int, int], None]]:
         yield lambda text, done, expected: None
         return
     from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-    counts = (BarColumn(), MofNCompleteColumn())
+    counts = (BarColumn(), TextColumn("{task.fields[count]}"))
     columns = (SpinnerColumn(), TextColumn("{task.description}", markup=False), *counts, TimeElapsedColumn())
     console = Console(stderr=True)
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as line:
-        task = line.add_task(first, total=None)
+        task = line.add_task(first, total=None, count="")
+
+        def show(text: str, done: int, expected: int) -> None:
+            line.tasks[0].total = (
+                expected if done else None
+            )  # a bar without a total moves; update() cannot take it away
+            line.update(task, description=text, completed=done, count=f"{done}/{expected}" if done else "")
+
         with when_compiling(lambda: line.console.print(FIRST_USE, style="dim")):
-            yield lambda text, done, expected: line.update(
-                task, description=text, completed=done, total=expected or None
-            )
+            yield show
 
 
 def lines(text: str) -> str:

@@ -2,6 +2,7 @@
 
 import os
 import pty
+import re
 import subprocess
 import sys
 import time
@@ -45,6 +46,9 @@ def test_something_moves_while_nothing_is_counted_and_the_next_phase_is_named():
     assert max(after - before for before, after in pairwise(times)) < 2.0
     text = b"".join(part for _, part in written).decode()
     assert "27/55" in text
+    assert "0/55" not in text
+    after = text[text.index("fitting") :]
+    assert len(set(re.findall(r"fitting[^\n]*", after))) > 5  # the bar moves
     assert text.index("tracking") < text.index("fitting")
 
 
