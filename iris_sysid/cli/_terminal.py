@@ -290,9 +290,8 @@ def _moving(first: str) -> Iterator[Callable[[str, int, int], None]]:
         task = line.add_task(first, total=None, count="")
 
         def show(text: str, done: int, expected: int) -> None:
-            line.tasks[0].total = (
-                expected if done else None
-            )  # a bar without a total moves; update() cannot take it away
+            # a bar without a total moves; update() would keep the old one
+            line.tasks[0].total = expected if done else None
             line.update(task, description=text, completed=done, count=f"{done}/{expected}" if done else "")
 
         with when_compiling(lambda: line.console.print(FIRST_USE, style="dim")):

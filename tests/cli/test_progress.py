@@ -2,7 +2,6 @@
 
 import os
 import pty
-import re
 import subprocess
 import sys
 import time
@@ -47,8 +46,8 @@ def test_something_moves_while_nothing_is_counted_and_the_next_phase_is_named():
     text = b"".join(part for _, part in written).decode()
     assert "27/55" in text
     assert "0/55" not in text
-    after = text[text.index("fitting") :]
-    assert len(set(re.findall(r"fitting[^\n]*", after))) > 5  # the bar moves
+    bars = {shown.partition("0:0")[0] for shown in text.split("fitting")[1:]}
+    assert len(bars) > 2  # it moves
     assert text.index("tracking") < text.index("fitting")
 
 
