@@ -6,7 +6,7 @@ import sys
 
 
 def main() -> None:
-    """Run the command line; Ctrl-C while it is still being imported is said in one line too."""
+    """Run the command line; answer Ctrl-C in one line, also while it is imported."""
     try:
         from iris_sysid.cli import main as command_line
 
