@@ -49,6 +49,11 @@ class DataError(IrisError, ValueError):
     def __str__(self) -> str:
         return f"{self.text}, e.g. columns={self.columns}" if self.columns else self.text
 
+    @property
+    def typed_columns(self) -> str:
+        """The columns as they are typed, ``t=Time,theta[deg]=Angle``; empty where none are known."""
+        return ",".join(f"{name}={title}" for name, title in self.columns.items())
+
 
 class FitError(IrisError):
     """The model cannot be fitted to this trajectory at all; ``to_start`` names values that lack a starting value."""

@@ -286,28 +286,54 @@ def run(
         When the clip cannot be read, followed, calibrated or observed.
     """
     chosen = PHENOMENA.resolved(phenomenon)
-    known = dict(settings or {})
-    calibration = scale_from_text(calibration) if isinstance(calibration, str) else calibration
-    check_request(chosen, known, free, geometry)
-    video = open_clip(source, clip)
-    if calibration is not None:
-        check_image_size(calibration.image_size, (video.width, video.height))
-    if options is not None and options.marks and chosen.tracker != AUTO:
-        raise DataError(f"marks of bodies are for the tracker {AUTO}, not for {chosen.tracker}; add --tracker {AUTO}")
-    options = options or TrackOptions(bodies=chosen.bodies)
-    tracks = track(video, chosen.tracker, options)
     told = RunRequest(
         chosen,
-        calibration=calibration,
-        settings=known,
+        calibration=scale_from_text(calibration) if isinstance(calibration, str) else calibration,
+        settings=dict(settings or {}),
         free=tuple(free),
-        tracking=options,
+        tracking=options or TrackOptions(bodies=chosen.bodies),
         clip=clip,
         geometry=geometry,
     )
-    request = request_origin(chosen, told)
-    tracks = from_source(tracks, source, request, complete=video.complete)
+    video, tracks = track_clip(source, chosen, told)
     return run_tracked(video, tracks, chosen, source=source, **told.of_tracks())
+
+
+def track_clip(source: str | Path, phenomenon: Phenomenon, request: RunRequest) -> tuple[Video, list[Track]]:
+    """The first step of :func:`run`: open the clip, and follow its bodies.
+
+    Parameters
+    ----------
+    source
+        As for :func:`run`.
+    phenomenon
+        Its tracker follows the bodies.
+    request
+        What is checked before any frame is read, and recorded in the tracks' origin.
+
+    Returns
+    -------
+    video : Video
+        The clip.
+    tracks : list of Track
+        One per body, in px.
+
+    Raises
+    ------
+    UnknownNameError, VideoError, TrackingError, CalibrationError, DataError
+        As :func:`run`.
+    """
+    check_request(phenomenon, request.settings, request.free, request.geometry)
+    video = open_clip(source, request.clip)
+    if request.calibration is not None:
+        check_image_size(request.calibration.image_size, (video.width, video.height))
+    if request.tracking.marks and phenomenon.tracker != AUTO:
+        raise DataError(
+            f"marks of bodies are for the tracker {AUTO}, not for {phenomenon.tracker}; add --tracker {AUTO}"
+        )
+    tracks = track(video, phenomenon.tracker, request.tracking)
+    recorded = request_origin(phenomenon, request)
+    return video, from_source(tracks, source, recorded, complete=video.complete)
 
 
 def run_tracked(

@@ -18,6 +18,7 @@ from iris_sysid.errors import FitError
 from iris_sysid.types import Array, Estimate, Mask, OdeModel, Parameter, SegmentLabel, Trajectory
 
 METRE = re.compile(r"\bm\b")
+FROM_POSITIONS = ", or, for the model of a phenomenon, take it from x and z by fitters.positions.observed_positions"
 NO_PRIORS: Mapping[str, Estimate] = MappingProxyType({})
 
 
@@ -232,9 +233,10 @@ def check_columns(trajectory: Trajectory, model: OdeModel) -> None:
     units = {quantity.name: quantity.unit for quantity in trajectory.quantities}
     for quantity in model.observed:
         if quantity.name not in units:
+            taken = FROM_POSITIONS if {"x", "z"} <= units.keys() else ""
             raise FitError(
                 f"model {model.name!r} observes {', '.join(q.name for q in model.observed)}, but the trajectory has "
-                f"{', '.join(units)}: name the columns so, or choose another model"
+                f"{', '.join(units)}: name the columns so, or choose another model{taken}"
             )
         if quantity.unit != "1" and units[quantity.name] not in (quantity.unit, METRE.sub("px", quantity.unit)):
             raise FitError(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -22,20 +21,21 @@ from iris_sysid.classroom.table_page import write_table_page
 from iris_sysid.errors import DataError, IrisError, OutputError
 from iris_sysid.io.csv_cells import is_own_table
 from iris_sysid.io.csv_read import read_track, read_trajectory
-from iris_sysid.io.csv_write import write_trajectory
+from iris_sysid.io.csv_write import write_track, write_trajectory
 from iris_sysid.io.files import check_writable, origin_of, sha256_of
 from iris_sysid.io.grouped_table import read_group
 from iris_sysid.io.json_documents import checked, entries_of, plain_origin, read_document, write_document, write_fit
 from iris_sysid.io.schemas import GroupDocument
+from iris_sysid.io.table_headers import columns_for
 from iris_sysid.pipeline import (
     FILES,
     accepted_settings,
     from_source,
     observe_and_fit,
     open_clip,
-    run,
     run_tracked,
     save,
+    track_clip,
 )
 from iris_sysid.registry import MODELS
 from iris_sysid.trajectory.consistency.capture_rate import STATED
@@ -137,7 +137,7 @@ def _measured_now(root: Path, group: Group) -> tuple[bool, str]:
     except OutputError:
         raise
     except IrisError as error:
-        return True, _failed(group, folder, str(error))
+        return True, _failed(group, folder, _said(error))
     except Exception as error:  # one group must not end the run of all
         return True, _failed(group, folder, f"unexpected {type(error).__name__}: {error}", retry=True)
     return True, ""
@@ -186,12 +186,13 @@ def _write(group: Group, folder: Path, origin: Mapping[str, Any], corrected: Seq
 
 
 def _of_a_clip(group: Group, folder: Path, corrected: Sequence[Track]) -> Measured:
-    request, path = group.request, group.source.path
+    request, path, tracks = group.request, group.source.path, corrected
     if corrected:
-        chain = partial(run_tracked, open_clip(path, request.clip), corrected, request.phenomenon, source=path)
+        video = open_clip(path, request.clip)
     else:
-        chain = partial(run, path, request.phenomenon, options=request.tracking)
-    result = chain(**request.of_tracks())
+        video, tracks = track_clip(path, request.phenomenon, request)
+        write_track(tracks, folder / TRACK, overwrite=True)  # for a review, also where it cannot be fitted
+    result = run_tracked(video, tracks, request.phenomenon, source=path, **request.of_tracks())
     save(result, folder, overwrite=True)
     world = result.world[0] if request.phenomenon.measures == "position" else None
     facts = result.video.facts if isinstance(result.video, Video) and request.clip.fps is None else {}
@@ -253,11 +254,12 @@ def _fitted_table(group: Group) -> Measured:
 def _check_observed(table: Trajectory, group: Group) -> None:
     model = MODELS[group.request.phenomenon.model]
     names = [quantity.name for quantity in table.quantities]
-    missing = [quantity.name for quantity in model.observed if quantity.name not in names]
+    missing = [quantity for quantity in model.observed if quantity.name not in names]
     if missing:
         raise DataError(
             f"the table holds {', '.join(names)}, but {group.request.phenomenon.name} needs x and z, "
-            f"or {', '.join(missing)}: say which columns they are"
+            f"or {', '.join(quantity.name for quantity in missing)}: say which columns they are",
+            columns=columns_for(group.source.path, missing),
         )
 
 
@@ -305,6 +307,13 @@ def _failed(group: Group, folder: Path, reason: str, *, retry: bool = False) -> 
     document = checked(GroupDocument, **_head(group), status=FAILED, message=message, origin=origin)
     write_document(document, folder / DOCUMENT, overwrite=True)
     return message
+
+
+def _said(error: IrisError) -> str:
+    """The text of an error, with columns as the option and the file of the groups take them."""
+    if isinstance(error, DataError) and error.columns:
+        return f'{error.text}, e.g. columns "{error.typed_columns}"'
+    return str(error)
 
 
 def _lost(root: Path, group: Group) -> tuple[bool, str]:

@@ -89,8 +89,8 @@ def as_typed(*groups: Any, leave_out: tuple[str, ...] = ()) -> list[str]:
         defaults = _defaults(group)
         for name, option in _options(group).items():
             value = getattr(group, name)
-            if name not in leave_out and value != defaults[name]:
-                texts += [
-                    text for item in (value if isinstance(value, list) else [value]) for text in (option, str(item))
-                ]
+            if name in leave_out or value == defaults[name]:
+                continue
+            for item in value if isinstance(value, list) else [value]:
+                texts += [option] if item is True else [option, str(item)]
     return texts

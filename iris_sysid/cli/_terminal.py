@@ -110,11 +110,12 @@ def _check_observed(clip: Trajectory, model: OdeModel, table: Path) -> None:
     names = [quantity.name for quantity in clip.quantities]
     missing = [quantity for quantity in model.observed if quantity.name not in names]
     if missing:
-        columns = ",".join(f"{quantity.name}[{quantity.unit}]=COLUMN" for quantity in missing)
+        from iris_sysid.io.table_headers import columns_for
+
         raise DataError(
             f"{table}: model {model.name} observes {', '.join(quantity.name for quantity in model.observed)}, but the "
-            f'table has {", ".join(names)}: say which columns they are, e.g. --columns "t=COLUMN,{columns}", or choose '
-            "another --model"
+            f"table has {', '.join(names)}: choose another --model, or say which columns they are",
+            columns=columns_for(table, missing),
         )
 
 
@@ -195,8 +196,7 @@ def repeated(option: str, values: Sequence[str] | None) -> list[str]:
 def error_text(error: IrisError) -> str:
     """The text of an error, with the options that help: for values that lack a start, for columns without a name."""
     if isinstance(error, DataError) and error.columns:
-        columns = ",".join(f"{name}={title}" for name, title in error.columns.items())
-        return f'{error.text}, e.g. --columns "{columns}"'
+        return f'{error.text}, e.g. --columns "{error.typed_columns}"'
     starts = " ".join(f"--start-at {name}=VALUE" for name in (error.to_start if isinstance(error, FitError) else ()))
     return f"{error} ({starts})" if starts else str(error)
 
@@ -281,17 +281,21 @@ def _moving(first: str) -> Iterator[Callable[[str, int, int], None]]:
         yield lambda text, done, expected: None
         return
     from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-    counts = (BarColumn(), MofNCompleteColumn())
+    counts = (BarColumn(), TextColumn("{task.fields[count]}"))
     columns = (SpinnerColumn(), TextColumn("{task.description}", markup=False), *counts, TimeElapsedColumn())
     console = Console(stderr=True)
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as line:
-        task = line.add_task(first, total=None)
+        task = line.add_task(first, total=None, count="")
+
+        def show(text: str, done: int, expected: int) -> None:
+            # a bar without a total moves; update() would keep the old one
+            line.tasks[0].total = expected if done else None
+            line.update(task, description=text, completed=done, count=f"{done}/{expected}" if done else "")
+
         with when_compiling(lambda: line.console.print(FIRST_USE, style="dim")):
-            yield lambda text, done, expected: line.update(
-                task, description=text, completed=done, total=expected or None
-            )
+            yield show
 
 
 def lines(text: str) -> str:

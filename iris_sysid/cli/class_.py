@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -59,6 +59,7 @@ def class_(
     from iris_sysid.errors import IrisError
     from iris_sysid.io.files import check_writable
     from iris_sysid.registry import PHENOMENA
+    from iris_sysid.review.opening import is_result
 
     for name in (PAGE, WORKBOOK):
         # a folder that an interrupted run began holds groups but no page: it goes on
@@ -85,11 +86,12 @@ def class_(
         known=references,
         teacher=None if own is None else (documents[-1], page_of(own)),
     )
-    reviews = {
-        group.name: _terminal.command("review", output / Path(page_of(group)).parent, "--clip", group.source.path)
+    opened = {
+        group.name: ("review", output / Path(page_of(group)).parent, "--clip", group.source.path)
         for group in groups
-        if not group.source.is_table
+        if not group.source.is_table and is_result(output / Path(page_of(group)).parent)
     }
+    reviews = {name: _terminal.command(*arguments) for name, arguments in opened.items()}
     title = f"{folder.absolute().name}: {described.name}"
     page = write_page(result, title, output / PAGE, reviews=reviews, overwrite=True)
     write_workbook(result, output / WORKBOOK, overwrite=True)
@@ -98,11 +100,13 @@ def class_(
     if serve:
         _serve(result, title, {group.name: group.source for group in groups if group.name in reviews}, output)
     else:
-        _suggest_review([group.name for group in result.named if group.document.usable], reviews, json)
+        named = [opened[group.name] for group in result.named if group.name in opened]
+        for first in named[:1]:  # the page says it of each
+            _terminal.suggest(*first, json=json)
 
 
 def _serve(result: ClassResult, title: str, clips: Mapping[str, Source], output: Path) -> None:
-    """Serve the page of a class until it is interrupted; the groups that have a track open in a review."""
+    """Serve the page of a class until it is interrupted; ``clips``, those that have a track, open in a review."""
     import webbrowser
     from functools import partial
     from urllib.parse import quote
@@ -110,11 +114,10 @@ def _serve(result: ClassResult, title: str, clips: Mapping[str, Source], output:
     from iris_sysid.classroom.measure import GROUPS
     from iris_sysid.classroom.page import page_text
     from iris_sysid.review.class_app import ClassReviews, class_app
-    from iris_sysid.review.opening import is_result, open_result
+    from iris_sysid.review.opening import open_result
     from iris_sysid.review.server import serve
 
     places = {name: output / GROUPS / clip.folder for name, clip in clips.items()}
-    places = {name: place for name, place in places.items() if is_result(place)}
     reviews = ClassReviews(
         {clips[name].folder: partial(open_result, place, clips[name].path) for name, place in places.items()}
     )
@@ -129,13 +132,6 @@ def _serve(result: ClassResult, title: str, clips: Mapping[str, Source], output:
         webbrowser.open(address)
 
     serve(partial(class_app, page, reviews), 0, ready, reviews.close)
-
-
-def _suggest_review(named: Sequence[str], reviews: Mapping[str, str], json: bool) -> None:
-    """Print how the track of the first group to look at is corrected; the page says it of each."""
-    first = next((reviews[name] for name in named if name in reviews), None)
-    if first is not None and not json:
-        typer.echo(f"next: {first}", err=True)
 
 
 def _show(result: ClassResult, json: bool) -> None:

@@ -8,7 +8,7 @@ import typer
 
 from iris_sysid.cli import _terminal
 from iris_sysid.cli._each import SearchArguments
-from iris_sysid.cli._groups import typed, with_groups
+from iris_sysid.cli._groups import as_typed, typed, with_groups
 from iris_sysid.cli.arguments import (
     TABLE,
     EquationArguments,
@@ -134,7 +134,7 @@ def diagnose(
         typer.echo(document_text(diagnosis_document(diagnosis, trajectories, validated)).rstrip("\n"))
     typer.echo(f"report: {page}", err=True)
     tables = [] if any(map(is_dataset, clips)) else [table for path in clips for table in tables_in(path)]
-    same = [] if record.columns is None else ["--columns", record.columns]
+    same = as_typed(record)
     if planned is not None and not json:
         _advise(planned, tables, output, same)
     if diagnosis.incomplete and tables and MODELS.get(described.name) is described:

@@ -37,5 +37,5 @@ def frame(
     title = f"{video.name}: frame {shown.index}, {shown.t_s:.4f} s, {clip.width} x {clip.height} px"
     write_frame(shown, output, title=title, overwrite=force)
     typer.echo(f"{output}: {title}", err=True)
-    scale = ("--scale-bar", "X1,Y1,X2,Y2=LENGTH")
-    _terminal.suggest("run", video, "--phenomenon", "NAME", *scale, "-o", output.with_name("run"))
+    same = ["--scale-bar", "X1,Y1,X2,Y2=LENGTH", *([] if fps is None else ["--fps", fps])]
+    _terminal.suggest("run", video, "--phenomenon", "NAME", *same, "-o", output.with_name("run"))

@@ -86,7 +86,10 @@ def gt(
         _terminal.tell(f"gap: {place}: {reason}")
     clips, gaps = len(measurements.clips), len(measurements.gaps)
     typer.echo(f"{clips} clips, {measurements.now} measured now; {gaps} gaps", err=True)
-    _terminal.suggest("benchmark", dataset, "-o", output.with_name("tables"))
+    given = {"--measured": measured, "--trials": trials, "--fps": fps, "--transfer": transfer}
+    same = [text for name, value in given.items() if value is not None for text in (name, value)]
+    folder = work or output.with_suffix(".work")
+    _terminal.suggest("benchmark", dataset, "--work", folder, *same, "-o", output.with_name("tables"))
 
 
 def _rows(document: "ParametersDocument", measurements: "Measurements") -> list[dict[str, str]]:

@@ -70,6 +70,6 @@ def review(
     serve(partial(review_app, session), port, ready, session.close)
     if session.saved_version != session.version:
         typer.echo("not saved: the edits are in the log; open the review again and save", err=True)
-        _terminal.suggest("review", folder)
+        _terminal.suggest("review", folder, *([] if video is None else ["--clip", video]))
     else:
         typer.echo(f"report: {folder / 'report.html'}", err=True)

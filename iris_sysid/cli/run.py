@@ -6,7 +6,7 @@ from typing import NoReturn
 import typer
 
 from iris_sysid.cli import _terminal
-from iris_sysid.cli._groups import with_groups
+from iris_sysid.cli._groups import as_typed, with_groups
 from iris_sysid.cli.arguments import FilmArguments, Force, Json, Output, PhenomenonAsked, Strict, Video
 
 
@@ -32,7 +32,7 @@ def run(
 
     _terminal.check_outputs(video, [output / name for name in pipeline.FILES], overwrite=force)
     if phenomenon is None:
-        _ask_for_phenomenon(video, output)
+        _ask_for_phenomenon(video, output, as_typed(film))
     chosen = PHENOMENA.named(phenomenon)
     with _terminal.progress("tracking", then="calibrating and fitting") as report_progress:
         request = film.request(chosen, progress=report_progress)
@@ -53,13 +53,17 @@ def run(
             "with places that this picture shows:",
             err=True,
         )
-        _terminal.suggest("frame", video, "-o", output / "frame.png")
+        rate = [] if film.fps is None else ["--fps", film.fps]
+        _terminal.suggest("frame", video, *rate, "-o", output / "frame.png")
     _terminal.suggest("diagnose", output, "-o", output / "diagnosis", json=json)
     _terminal.end(result.fit.verdict, strict)
 
 
-def _ask_for_phenomenon(video: Path, output: Path) -> NoReturn:
-    """List on stderr what a clip may show, and how to say it; exit status 2, once the clip can be read."""
+def _ask_for_phenomenon(video: Path, output: Path, film: list[str]) -> NoReturn:
+    """List on stderr what a clip may show, and how to say it; exit status 2, once the clip can be read.
+
+    ``film`` holds the other options as typed.
+    """
     from iris_sysid.registry import PHENOMENA
     from iris_sysid.video.reader import open_video
 
@@ -71,6 +75,6 @@ def _ask_for_phenomenon(video: Path, output: Path) -> NoReturn:
     width = max(map(len, summaries))
     for name, summary in summaries.items():
         typer.echo(f"  {name:<{width}}  {summary}", err=True)
-    _terminal.suggest("review", video, "-o", output)
-    _terminal.suggest("run", video, "--phenomenon", "NAME", "-o", output)
+    _terminal.suggest("review", video, *film, "-o", output)
+    _terminal.suggest("run", video, "--phenomenon", "NAME", *film, "-o", output)
     raise typer.Exit(2)

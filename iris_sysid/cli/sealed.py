@@ -128,9 +128,13 @@ def _look(
     model = with_effects(_model_choice.model_of_fit(document, test), effects)
     known = {quantity.name for quantity in model.derived}
     given = {name: value for name, value in values.items() if name not in known}
-    clips = [clip if clip is None or hold is None else clip.with_(hold=hold) for clip in (test, before)]
-    assert clips[0] is not None
-    found = validate_model(model, given, clips[0], clips[1], initial=initial, continues=after is not None)
+    test, *befores = (
+        _terminal.from_positions(clip if hold is None else clip.with_(hold=hold), model)[0]
+        for clip in (test, before)
+        if clip is not None
+    )
+    before = befores[0] if befores else None
+    found = validate_model(model, given, test, before, initial=initial, continues=after is not None)
     entry = validation_entry(found, f"{record.name}, {counted(looks)}")
     looked = document.model_copy(update={"validation": entry})
     if output is not None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from iris_sysid.cli import _completion, _terminal
-from iris_sysid.cli._groups import with_groups
+from iris_sysid.cli._groups import as_typed, with_groups
 from iris_sysid.cli.arguments import (
     Bodies,
     BodyMarks,
@@ -117,15 +117,16 @@ def track(
         typer.echo(f"warning: {text}", err=True)
     _terminal.print_rows(_rows(tracks), json, header=True)
     if not json:
-        _suggest_next(video, output, world if len(tracks) == 1 else None, phenomenon or "NAME")
+        same = [*as_typed(clip, tracking, scale), *_terminal.repeated("--mark", mark)]
+        _suggest_next(video, output, world if len(tracks) == 1 else None, phenomenon or "NAME", same)
 
 
-def _suggest_next(video: Path, output: Path, table: Path | None, phenomenon: str) -> None:
-    """Suggest a fit of the only table in m, else the whole chain."""
+def _suggest_next(video: Path, output: Path, table: Path | None, phenomenon: str, same: list[str]) -> None:
+    """Suggest a fit of the only table in m, else the whole chain with the ``same`` options."""
     if table is not None:
         _terminal.suggest("fit", table, "--model", "auto", "-o", table.with_name("fit.json"))
     else:
-        _terminal.suggest("run", video, "--phenomenon", phenomenon, "-o", output.parent / "run")
+        _terminal.suggest("run", video, "--phenomenon", phenomenon, *same, "-o", output.parent / "run")
 
 
 def _rows(tracks: Sequence[Track]) -> list[dict[str, object]]:

@@ -21,7 +21,7 @@ from iris_sysid.io.json_documents import read_document
 from iris_sysid.io.rounded_times import unrounded
 from iris_sysid.io.schemas import OriginDocument, number
 from iris_sysid.io.table_cells import read_cells
-from iris_sysid.io.table_headers import parse_headers, titles_of
+from iris_sysid.io.table_headers import example_of, parse_headers, titles_of
 from iris_sysid.types import (
     TRACK_MASKS,
     TRACK_SIGMAS,
@@ -352,7 +352,8 @@ def _columns(sheet: Sheet) -> dict[Key, Column]:
         try:
             column = parse_column(header)
         except DataError as error:
-            raise DataError(f"{sheet.label}: {error}") from error
+            said = {"t": "t_s", **example_of([header])}
+            raise DataError(f"{sheet.label}: {error}; or say what it holds", columns=said) from error
         if column.key in columns:
             raise DataError(f"{sheet.label}: {columns[column.key].header} and {header} hold the same; delete one")
         columns[column.key] = column

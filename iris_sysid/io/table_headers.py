@@ -12,11 +12,13 @@ import re
 import unicodedata
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 from iris_sysid.errors import DataError
 from iris_sysid.io.csv_cells import BLANK, Sheet
 from iris_sysid.io.csv_columns import INPUT, SUFFIXES
-from iris_sysid.io.table_cells import Cells
+from iris_sysid.io.table_cells import Cells, read_cells
+from iris_sysid.types import Quantity
 from iris_sysid.units import COLUMN_UNITS
 
 EXAMPLE = {"t": "Time (s)", "theta[deg]": "Angle"}  # where the columns of the table are not known
@@ -253,7 +255,7 @@ def _guessed(cells: Cells, titles: Sequence[str], time: Meaning | None = None) -
     raise DataError(
         f"{cells.label}: no column states a position, an angle or a level with its unit (columns: {wanted}); say what "
         "they hold",
-        columns={"t": titles[time.column], **_example(unknown)},
+        columns={"t": titles[time.column], **example_of(unknown)},
     )
 
 
@@ -266,7 +268,29 @@ def _stated_time(cells: Cells, titles: Sequence[str], stated: Mapping[str, str])
     return _one_stated(cells, titles, name, title)
 
 
-def _example(titles: Sequence[str]) -> dict[str, str]:
+def columns_for(path: str | Path, quantities: Sequence[Quantity]) -> dict[str, str]:
+    """An example of the columns of a table that hold some quantities: its own titles, in their order.
+
+    Parameters
+    ----------
+    path
+        The table.
+    quantities
+        What is wanted of it.
+    """
+    cells = read_cells(path)
+    titles = titles_of(cells)
+    numeric = [k for k in range(len(titles)) if _is_numeric(cells, k)]
+    try:
+        time = _time(cells, titles, numeric).column
+    except DataError:
+        time = 0
+    others = [f"{titles[k]:.60}" for k in numeric if k != time] or ["COLUMN"]
+    asked = {f"{each.name}[{each.unit}]": others[min(k, len(others) - 1)] for k, each in enumerate(quantities)}
+    return {"t": f"{titles[time]:.60}", **asked}
+
+
+def example_of(titles: Sequence[str]) -> dict[str, str]:
     """How to name the column of a quantity, by one of these titles."""
     title = titles[-1] if titles else "NAME"
     name = QUANTITIES.get(_plain(_taken_apart(title)[0]), "x")
@@ -291,7 +315,7 @@ def _time(cells: Cells, titles: Sequence[str], numeric: Sequence[int]) -> Meanin
     raise DataError(
         f"{cells.label} has no column t_s, nor one that is called a time; its columns are {have}; numbers of "
         "frames are t[1/60 s]=frame, rows at equal steps t[0.02 s]=row; say which it is",
-        columns={"t": f"{titles[0]:.60}", **_example(titles[1:2])},
+        columns={"t": f"{titles[0]:.60}", **example_of(titles[1:2])},
     )
 
 
@@ -333,7 +357,7 @@ def _stated(cells: Cells, titles: Sequence[str], stated: Mapping[str, str]) -> l
         meanings.insert(0, _time(cells, titles, [k for k in range(len(titles)) if _is_numeric(cells, k)]))
     if len(meanings) < 2:
         others = [title for k, title in enumerate(titles) if k != meanings[0].column]
-        example = {"t": titles[meanings[0].column] if meanings[0].column != ROW else "row", **_example(others)}
+        example = {"t": titles[meanings[0].column] if meanings[0].column != ROW else "row", **example_of(others)}
         raise DataError(f"{cells.label}: the columns name the time only; name a quantity as well", columns=example)
     return meanings
 
@@ -341,7 +365,7 @@ def _stated(cells: Cells, titles: Sequence[str], stated: Mapping[str, str]) -> l
 def _one_stated(cells: Cells, titles: Sequence[str], name: str, title: str) -> Meaning:
     match = STATED.fullmatch(name.strip())
     if match is None:
-        example = {"t": f"{titles[0]:.60}", **_example(titles[1:2])}
+        example = {"t": f"{titles[0]:.60}", **example_of(titles[1:2])}
         raise DataError(f"cannot read the column name {name!r:.60}: write name or name[unit]", columns=example)
     column = ROW if title == "row" and title not in titles else _column(cells, titles, title)
     titled = None if column == ROW else _taken_apart(titles[column])[1]

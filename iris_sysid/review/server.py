@@ -45,6 +45,7 @@ def serve(
     hosts = [f"{name}:{number}" for name in (ADDRESS, "localhost")]
     config = uvicorn.Config(
         app(token, hosts),
+        ws="none",  # a request for a web socket is one like any other
         log_level="error",
         access_log=False,
         lifespan="off",

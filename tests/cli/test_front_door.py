@@ -4,11 +4,13 @@ import platform
 import re
 import subprocess
 import sys
+from importlib.abc import MetaPathFinder
 
 import numpy as np
 import pandas as pd
 import pytest
 
+from iris_sysid import __main__ as program
 from iris_sysid import cli as command_line
 from iris_sysid.cli._terminal import NOT_GOOD
 from iris_sysid.io.json_documents import read_document
@@ -95,6 +97,23 @@ def test_interrupt_is_said_in_one_line(cli, monkeypatch, angles, tmp_path):
     assert outcome.err.splitlines()[-1].startswith("iris-sysid: interrupted; no file is half-written")
     assert "Traceback" not in outcome.err
     assert not (tmp_path / "fit.json").exists()
+
+
+def test_interrupt_of_the_imports_is_said_in_one_line(monkeypatch, capsys):
+    monkeypatch.delitem(sys.modules, "iris_sysid.cli")
+    monkeypatch.setattr(sys, "meta_path", [InterruptedImport(), *sys.meta_path])
+    with pytest.raises(SystemExit) as ended:
+        program.main()
+    assert ended.value.code == command_line.INTERRUPTED
+    assert capsys.readouterr().err == "iris-sysid: interrupted before anything began\n"
+
+
+class InterruptedImport(MetaPathFinder):
+    """Ctrl-C while the command line is imported."""
+
+    def find_spec(self, name, path, target=None):
+        if name == "iris_sysid.cli":
+            raise KeyboardInterrupt
 
 
 def test_strict_ends_with_its_own_status_unless_the_verdict_is_good(kinked, angles, tmp_path, cli):

@@ -1,28 +1,61 @@
 """Every command that a command prints as the next one works as it is printed, and so do those that it prints."""
 
+import ast
 import json
 import re
 import shlex
+import webbrowser
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 
+from iris_sysid import cli as command_line
 from iris_sysid import render_checkerboard, render_clip
+from iris_sysid.review import server
 from tests._drawn import noisy
 from tests._motions import on_arc, pendulum_angle
+from tests.classroom._tables import write_class
 from tests.conftest import discs, write_video
+from tests.io.test_osp_tracker import axes, body, coords, project
 
 NEXT = re.compile(r"^next: iris-sysid (.*)$", re.MULTILINE)
 # what a user puts in the place of the words that a command cannot know
 MEANT = {"NAME": "pendulum", "X1,Y1,X2,Y2=LENGTH": "10,10,110,10=1m"}
+# the modules of commands that print a next one; each is the first of a test below
+LEAD_ON = {
+    *("calibrate", "class_", "diagnose", "discover", "fit", "frame", "gt"),
+    *("import_marks", "render", "review", "run", "smooth", "track"),
+}
+
+
+def test_every_command_that_prints_a_next_one_is_tried_here():
+    found = set()
+    for file in Path(command_line.__file__).parent.glob("*.py"):
+        calls = [node.func for node in ast.walk(ast.parse(file.read_text("utf-8"))) if isinstance(node, ast.Call)]
+        if any(isinstance(call, ast.Attribute) and call.attr == "suggest" for call in calls):
+            found.add(file.stem)
+    assert found == LEAD_ON
 
 
 @pytest.fixture
-def follow(cli):
+def unserved(monkeypatch):
+    """A review that is opened and interrupted at once."""
+
+    def serve(app, port, ready, close):
+        ready("http://127.0.0.1/")
+        close()
+
+    monkeypatch.setattr(server, "serve", serve)
+    monkeypatch.setattr(webbrowser, "open", lambda address: True)
+
+
+@pytest.fixture
+def follow(cli, unserved):
     """Run a command and then every one that is printed, each once, up to the one named; gives all these lines."""
 
-    def followed(*arguments, clip=None, to=""):
+    def followed(*arguments, clip=None, to="", status=0):
         waiting, ran = [list(map(str, arguments))], []
         while waiting:
             line = waiting.pop(0)
@@ -30,7 +63,7 @@ def follow(cli):
                 ran.append(line)
                 continue
             outcome = cli(*line)
-            assert outcome.status == 0, f"{shlex.join(line)}\n{outcome.err}"
+            assert outcome.status == (0 if ran else status), f"{shlex.join(line)}\n{outcome.err}"
             ran.append(line)
             texts = [shlex.split(text) for text in NEXT.findall(outcome.err)]
             texts = [[str(clip) if word == "CLIP" else MEANT.get(word, word) for word in text] for text in texts]
@@ -74,6 +107,55 @@ def test_frame_and_track_lead_to_run(follow, pendulum_clip, tmp_path):
     assert "run" in commands(follow("track", pendulum_clip, "-o", tmp_path / "b" / "track.csv", to="run"))
 
 
+def test_options_of_a_clip_are_repeated(follow, pendulum_clip, tmp_path):
+    given = ("--fps", "25.0", "--stop", "2.5", "--keep-partial", "--scale", "135px=1m")
+    asked = follow("run", pendulum_clip, *given, "-o", tmp_path / "asked", status=2, to="diagnose")
+    assert commands(asked)[:4] == ["run", "review", "run", "review"]
+    assert "--phenomenon" in asked[2]
+    assert all(word in line for line in asked[1:3] for word in given)
+    tracked = follow("track", pendulum_clip, *given, "-o", tmp_path / "b" / "track.csv", to="diagnose")
+    assert all(word in tracked[1] for word in given)
+    framed = follow("frame", pendulum_clip, *given[:2], "-o", tmp_path / "c" / "frame.png", to="diagnose")
+    assert all(word in framed[1] for word in given[:2])
+
+
+def test_review_of_a_clip_that_was_moved_is_opened_again(follow, pendulum_clip, tmp_path):
+    assert follow("run", pendulum_clip, "--phenomenon", "pendulum", "-o", tmp_path / "run", to="diagnose")
+    moved = tmp_path / "elsewhere" / "moved.mp4"
+    moved.parent.mkdir()
+    moved.write_bytes(pendulum_clip.read_bytes())
+    ran = follow("review", tmp_path / "run", "--clip", moved)
+    assert commands(ran) == ["review"]
+    assert ran[0][-1] == str(moved)
+
+
+def test_outlier_of_a_class_leads_to_its_review(follow, pendulum_clip, tmp_path):
+    write_class(tmp_path / "class", 4, faults={})
+    (tmp_path / "class" / "group9.mp4").write_bytes(pendulum_clip.read_bytes())
+    (tmp_path / "class" / "groups.csv").write_text("group,scale\ngroup9,50px=1m\n")  # 135 px are 1 m
+    ran = follow("class", tmp_path / "class", "--phenomenon", "pendulum", "-o", tmp_path / "out")
+    assert commands(ran)[:2] == ["class", "review"]
+
+
+def test_clip_of_a_class_that_is_followed_but_not_fitted_leads_to_its_review(follow, tmp_path):
+    write_class(tmp_path / "class", 4, faults={})
+    fall = [discs((64.0, 8.0 + 200 * (k / 30) ** 2)) for k in range(20)]
+    write_video(tmp_path / "class" / "group9.mp4", noisy(fall, 3.0))
+    ran = follow("class", tmp_path / "class", "--phenomenon", "pendulum", "-o", tmp_path / "out")
+    assert commands(ran)[:2] == ["class", "review"]
+    page = (tmp_path / "out" / "class.html").read_text("utf-8")
+    assert "<strong>group9</strong>: no value" in page
+    assert "groups/group9" in page
+
+
+def test_marks_of_another_program_lead_to_a_fit(follow, tmp_path):
+    noise = 0.3 * np.random.default_rng(4).standard_normal((25, 2))  # px
+    places = {k: (10 + 3 * k + x, 20 + 200 * 9.81 * (k / 30) ** 2 + y) for k, (x, y) in enumerate(noise)}
+    (tmp_path / "a.trk").write_text(project(where=coords(axes(angle=0.0)), bodies=body("a", places)))
+    ran = follow("import", tmp_path / "a.trk", "--fps", "30", "-o", tmp_path / "a.csv", to="diagnose")
+    assert commands(ran)[:2] == ["import", "fit"]
+
+
 def test_table_in_metres_of_a_track_is_fitted(follow, pendulum_clip, tmp_path):
     world = ("--scale", "135px=1m", "--world", tmp_path / "world.csv")
     ran = follow("track", pendulum_clip, *world, "-o", tmp_path / "track.csv", to="diagnose")
@@ -109,11 +191,32 @@ def test_throw_without_a_scale_gives_gravity_in_px_and_says_how_to_state_a_scale
     assert cli(*command, "--scale", "gravity=9.81").status == 0
 
 
+def test_record_keeps_its_sample_time_and_hold_through_a_diagnosis(follow, angles, tmp_path):
+    table = tmp_path / "record.csv"
+    theta = pd.read_csv(angles)["theta_rad"].interpolate()
+    theta[theta.size // 2 :] = 0.3 * np.cos(5.0 * 0.04 * np.arange(theta.size - theta.size // 2))  # another equation
+    pd.DataFrame({"u": np.zeros(theta.size), "angle": theta}).to_csv(table, index=False)
+    record = ("--columns", "theta[rad]=angle", "--sample-time", "40ms", "--hold", "zero")
+    ran = follow("diagnose", table, "--model", "pendulum", *record, "-o", tmp_path / "diagnosis", to="fit")
+    assert "discover" in commands(ran)
+    assert all({"zero", "t[40 ms]=row,theta[rad]=angle"} <= set(line) for line in ran[1:])
+
+
 def test_inputs_that_are_held_are_diagnosed_as_held(cli, angles, tmp_path):
     outcome = cli("fit", angles, "--model", "pendulum", "--hold", "zero", "-o", tmp_path / "fit.json")
     assert outcome.status == 0
     (command,) = [line for line in outcome.err.splitlines() if line.startswith("next:")]
     assert "--hold zero" in command
+
+
+@pytest.mark.slow
+def test_ground_truth_leads_to_the_tables_of_a_benchmark(follow, cli, tmp_path):
+    small = ("--size", "320x180", "--fps", "30", "--seconds", "2", "--trials", "1", "--classes", "pendulum")
+    assert cli("render", "--dataset", tmp_path / "set", *small).status == 0
+    ran = follow("gt", tmp_path / "set", "--trials", "1", "--fps", "30", "-o", tmp_path / "parameters.json")
+    assert commands(ran) == ["gt", "benchmark"]
+    assert "--trials" in ran[1]
+    assert "--fps" in ran[1]
 
 
 @pytest.mark.slow

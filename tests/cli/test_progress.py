@@ -45,6 +45,9 @@ def test_something_moves_while_nothing_is_counted_and_the_next_phase_is_named():
     assert max(after - before for before, after in pairwise(times)) < 2.0
     text = b"".join(part for _, part in written).decode()
     assert "27/55" in text
+    assert "0/55" not in text
+    bars = {shown.partition("0:0")[0] for shown in text.split("fitting")[1:]}
+    assert len(bars) > 2  # it moves
     assert text.index("tracking") < text.index("fitting")
 
 

@@ -59,12 +59,12 @@ def test_table_without_a_clip_asks_for_it(cli, tmp_path):
     assert "--clip" in outcome.err
 
 
-@pytest.mark.skipif(os.name == "nt", reason="Ctrl-C is sent as a signal")
 def _heeds_ctrl_c():
     """A program that a shell starts in the background ignores Ctrl-C, and so do those that it starts."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
+@pytest.mark.skipif(os.name == "nt", reason="Ctrl-C is sent as a signal")
 def test_interrupted_review_says_where_the_log_is_and_how_to_go_on(pendulum_clip, tmp_path):
     folder = tmp_path / "out"
     command = [sys.executable, "-m", "iris_sysid", "review", str(pendulum_clip), "-o", str(folder), "--no-browser"]

@@ -3,12 +3,14 @@
 import json
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from fitters.validation_record import cut_record
 from iris_sysid import Quantity, Trajectory, fit, model_from_equation, read_trajectory, validate_fit
 from iris_sysid.errors import DataError, FitError, OutputError
 from iris_sysid.io.sealed_record import counted, log_look, log_of, looks_in, open_sealed, seal
+from tests._motions import on_arc, pendulum_angle
 from tests.cli.test_records import MODEL, NOISE, STEP_S, motor, output_of
 
 N, KEPT = 300, 80
@@ -157,3 +159,16 @@ def test_the_window_sets_the_state_and_is_not_scored():
         validate_fit(fitted, test, initial=70)
     with pytest.raises(FitError):
         validate_fit(fitted, test, initial=1)
+
+
+def test_sealed_record_of_x_and_z_takes_a_model_of_the_angle(cli, tmp_path):
+    t_s = np.arange(0.0, 6.0, 0.02)
+    place = on_arc(pendulum_angle(t_s, 0.4, 0.5), 0.5) + 3e-4 * np.random.default_rng(1).standard_normal((t_s.size, 2))
+    table = tmp_path / "swing.csv"
+    pd.DataFrame({"t_s": t_s, "x_m": place[:, 0], "z_m": place[:, 1]}).to_csv(table, index=False)
+    assert cli("sealed", table, "--keep", "25%", "-o", tmp_path).status == 0
+    frozen = ("fit", tmp_path / "estimation.csv", "--model", "pendulum", "-o", tmp_path / "frozen.json")
+    assert cli(*frozen).status == 0
+    looked = cli("sealed", tmp_path / "test.sealed", "--fit", tmp_path / "frozen.json", "--initial", "10")
+    assert looked.status == 0, looked.err
+    assert "sealed record theta: simulation error" in looked.out + looked.err

@@ -97,3 +97,27 @@ def test_command_says_the_option_where_python_says_the_argument(cli, tmp_path):
     (option,) = outcome.err.split('--columns "')[1].split('"')[:1]
     assert parse_columns(option) == {"t": "Moment", "theta[rad]": "Angle"}
     assert "columns={" not in outcome.err
+
+
+@pytest.mark.parametrize("header", ["t_s,y [V]", "t_s,foo", "t_s,temp_K", "Time (s),Temperature (K)"])
+def test_hint_for_a_model_names_the_tables_own_columns_and_works(cli, tmp_path, header):
+    swing = 0.3 * np.cos(5 * T_S)
+    path = written(tmp_path, header, T_S, swing)
+    command = ("fit", path, "--model", "pendulum", "-o", tmp_path / "fit.json")
+    (option,) = cli(*command).err.split('--columns "')[1].split('"')[:1]
+    title = header.split(",")[1]
+    assert parse_columns(option)["t"] == header.split(",")[0]
+    assert title in parse_columns(option).values()
+    assert cli(*command, "--columns", f"t={header.split(',')[0]},theta[rad]={title}").status == 0
+
+
+def test_class_says_how_to_name_the_columns_of_a_table(cli, tmp_path):
+    folder = tmp_path / "class"
+    folder.mkdir()
+    for name in ("a", "b"):
+        written(folder, "Moment,Angle", T_S, 0.3 * np.cos(5 * T_S)).rename(folder / f"{name}.csv")
+    command = ("class", folder, "--phenomenon", "pendulum", "-o", tmp_path / "out")
+    said = cli(*command).err
+    assert "columns={" not in said
+    (option,) = said.split('columns "')[1].split('"')[:1]
+    assert cli(*command, "--columns", option).status == 0

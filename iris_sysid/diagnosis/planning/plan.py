@@ -62,6 +62,11 @@ class Plan(Shown):
     proposals: tuple[Proposal, ...]
     fitted: FitResult
 
+    def __repr__(self) -> str:
+        power = "" if np.isnan(self.best.power) else f", which decides with a chance of {self.best.power:.0%}"
+        today = ", ".join(f"{name} {share:.0%}" for name, share in self.probabilities.items())
+        return f"Plan of {self.fitted.model.name}: next {self.best.text}{power}\n  today: {today}"
+
     @property
     def best(self) -> Proposal:
         """The first proposal."""

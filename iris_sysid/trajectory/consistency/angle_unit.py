@@ -13,7 +13,7 @@ from iris_sysid.types import Array, Doubt, Estimate, OdeModel, Trajectory
 TURNING_POINTS = 4  # three swings to and fro
 CENTRED = 0.1  # of a swing: how far the middles of swings differ that are about one point of rest
 MIN_LENGTH_M = 5e-3  # length of a pendulum that anyone films or measures
-REMEDY = "if they are, name the unit: theta_deg in the table's header, or --columns theta[deg]=NAME"
+REMEDY = "if they are, name the unit: theta_deg in the table's header, or theta[deg] among the columns"
 
 
 def with_degrees_doubt(trajectory: Trajectory, model: OdeModel) -> Trajectory:
