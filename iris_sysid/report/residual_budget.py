@@ -14,11 +14,11 @@ from iris_sysid.report.text import percent
 from iris_sysid.types import KIND_NAMES, Components, ComponentSide, FitResult, Trajectory
 
 SHADES = ("", " second", " third")  # of the colour of a side, for its further parts
-DIAGNOSE = "iris-sysid diagnose looks for the effects behind it."
+DIAGNOSE = "To look for the effects behind it: iris-sysid diagnose."
 
 
 def residual_budget(trajectory: Trajectory, fit: FitResult) -> tuple[Sequence[str], Sequence[Bar]]:
-    """The sentences and the bar that say what the residual of one fit is made of.
+    """The statement and the bar that say what the residual of one fit is made of.
 
     Where the equation is not complete, no more of the residual is called noise than the measurement's own noise
     explains: the split calls noise what has no form, and a short motion shows no form.
@@ -32,10 +32,8 @@ def residual_budget(trajectory: Trajectory, fit: FitResult) -> tuple[Sequence[st
 
     Returns
     -------
-    sentences
-        The second one names the command that looks for the effects; none where the residual cannot be split.
-    bars
-        One, or none.
+    statements, bars
+        One of each; none where the residual cannot be split.
     """
     components = components_of([FitRequest(trajectory, fit.model)], [fit]) if fit.usable else None
     if components is None:
@@ -45,10 +43,11 @@ def residual_budget(trajectory: Trajectory, fit: FitResult) -> tuple[Sequence[st
         noise = measured
     bar = parts_bar("The residual", components, noise=noise)
     if components.parts:
-        return [parts_sentence(components), DIAGNOSE], [bar]
+        return [f"{parts_sentence(components)} {DIAGNOSE}"], [bar]
     if noise == components.noise_share:
         return [parts_sentence(components)], [bar]
-    return [f"Noise is {percent(noise)} of the residual; the rest has no form that these data show.", DIAGNOSE], [bar]
+    rest = f"{percent(noise)} of the residual is noise; the rest has no form that these data show"
+    return [f"{rest}. {DIAGNOSE}"], [bar]
 
 
 def _noise_share(fit: FitResult) -> float:

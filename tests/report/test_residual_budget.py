@@ -42,7 +42,7 @@ def test_share_of_an_implanted_drag_is_its_share_of_the_residual(drag):
     assert found["force by velocity"] == pytest.approx(100 * missing / (missing + NOISE**2), abs=8)
     assert sum(found.values()) == pytest.approx(100)
     assert "depends on the velocity like drag" in statements[0]
-    assert "iris-sysid diagnose" in statements[1]
+    assert "iris-sysid diagnose" in statements[0]
 
 
 def test_residual_above_the_noise_without_a_form_is_not_called_noise():
