@@ -41,7 +41,8 @@ def residual_budget(trajectory: Trajectory, fit: FitResult) -> tuple[Sequence[st
     noise, measured = components.noise_share, _noise_share(fit)
     if not fit.verdict.complete and noise - measured > MIN_SHARE:
         noise = measured
-    bar = parts_bar("The residual", components, noise=noise)
+    first, *more = fit.model.observed
+    bar = parts_bar(f"The residual of all, in {first.name}" if more else "The residual", components, noise=noise)
     if components.parts:
         return [f"{parts_sentence(components)} {DIAGNOSE}"], [bar]
     if noise == components.noise_share:

@@ -59,3 +59,9 @@ def test_residual_above_the_noise_without_a_form_is_not_called_noise():
 def test_fit_of_few_samples_or_without_values_has_no_parts():
     assert residual_budget(*moved("pendulum", SWING, 0.0, samples=11)) == ([], [])
     assert residual_budget(*moved("pendulum", SWING, 0.0, samples=3)) == ([], [])
+
+
+def test_bar_of_several_quantities_says_whose_size_it_gives():
+    start = {"gravity": 9.81, "x_0": 0.0, "z_0": 2.0, "vx_0": 3.0, "vz_0": 1.0}
+    _, bars = residual_budget(*moved("projectile", start, 0.1))
+    assert bars[0].title.startswith("The residual of all, in x: ")
