@@ -113,7 +113,7 @@ def _loaded(name: str) -> LoadedFunction | None:
 def _keep(name: str, made: Any) -> None:
     """Write the object code of a compiled function to the cache, unless it holds addresses of this process."""
     library = made._library
-    if library.has_dynamic_globals or library._reload_init:
+    if library.has_dynamic_globals or getattr(library, "_reload_init", ()):
         return
     _, _, (code, _) = library.serialize_using_object_code()
     head = {"format": FORMAT, "symbol": made.native_name, "sha256": hashlib.sha256(code).hexdigest()}

@@ -120,7 +120,7 @@ def _columns(result: ClassResult, others: Sequence[str]) -> list[dict[str, Any]]
     return [
         {"title": "group", "number": False},
         {"title": shown_name(result.value), "number": True},
-        {"title": "distance from the others (standard errors)", "number": True},
+        {"title": "deviation (standard errors)", "number": True},
         {"title": "what is wrong", "number": False},
         {"title": "numbers", "number": False},
         *further,

@@ -7,6 +7,7 @@ from pathlib import Path
 from iris_sysid.report.clip_page import fit_charts, headline, key_values, write_page
 from iris_sysid.report.figures import fit_figure
 from iris_sysid.report.page import Page, PageImage, Section, estimates_section, fit_section, png_of
+from iris_sysid.report.residual_budget import residual_budget
 from iris_sysid.report.text import as_sentence, main_names, residual_text
 from iris_sysid.types import FitResult, Trajectory
 
@@ -38,11 +39,14 @@ def write_table_page(group: str, source: str, trajectory: Trajectory, fit: FitRe
         When a file cannot be written.
     """
     caption = "Measured motion and fit, with the residual below"
+    statements, bars = residual_budget(trajectory, fit)
     page = Page(
         title=f"{group}: {source}",
         headline=headline(fit),
         summary=fit.model.summary,
         values=key_values(fit, main_names(fit)),
+        statements=statements,
+        bars=bars,
         charts=fit_charts(trajectory, fit),
         images=[PageImage("fit", png_of(fit_figure(trajectory, fit)), caption)] if fit.usable else [],
         sections=[

@@ -150,7 +150,8 @@ def _trajectory_frame(trajectory: Trajectory) -> pd.DataFrame:
     if not np.array_equal(trajectory.valid, np.isfinite(trajectory.position).all(axis=1)):
         columns["valid"] = trajectory.valid
     if trajectory.segments:
-        columns["segment"] = pd.array(segment_labels(trajectory.segments, trajectory.n), dtype="str")
+        text = pd.StringDtype(na_value=np.nan)  # "str" of pandas 3; pandas 2 would spell a missing one "None"
+        columns["segment"] = pd.array(segment_labels(trajectory.segments, trajectory.n), dtype=text)
     _check_distinct(trajectory)
     return pd.DataFrame(columns)
 

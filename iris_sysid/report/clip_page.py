@@ -22,6 +22,7 @@ from iris_sysid.report.page import (
     symbols_of,
     words,
 )
+from iris_sysid.report.residual_budget import residual_budget
 from iris_sysid.report.residual_charts import input_charts, motion_chart, residual_chart
 from iris_sysid.report.text import (
     as_sentence,
@@ -92,6 +93,7 @@ def write_page(page: Page, folder: str | Path, *, overwrite: bool = False) -> Pa
 def clip_page(run: Run) -> Page:
     """The page of one clip."""
     fit, trajectory = run.fit, run.trajectory
+    statements, bars = residual_budget(trajectory, fit)
     track = track_figure(run.video, run.tracks, trajectory, run.calibration)
     return Page(
         title=f"{run.source.name}: {run.phenomenon.name}",
@@ -101,6 +103,8 @@ def clip_page(run: Run) -> Page:
         verdict=fit.verdict,
         warnings=[as_sentence(note) for note in _warnings(run)],
         film=film_of(run, trajectory, {"before": ("the model", fit)} if fit.usable else {}),
+        statements=statements,
+        bars=bars,
         charts=fit_charts(trajectory, fit),
         sections=[
             fit_section("Parameters", fit),

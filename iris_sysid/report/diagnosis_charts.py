@@ -14,24 +14,21 @@ from numpy.typing import NDArray
 from iris_sysid.report.chart import Band, Chart, Series
 from iris_sysid.report.component_figure import MAX_CURVES, axis_titles
 from iris_sysid.report.diagnosis_tables import WITH, WITHOUT, fits_of
-from iris_sysid.report.diagnosis_text import share_text, size_text
+from iris_sysid.report.diagnosis_text import share_text
 from iris_sysid.report.figures import MAX_POINTS
 from iris_sysid.report.page import Bar, PageImage, png_of
+from iris_sysid.report.residual_budget import parts_bar
 from iris_sysid.report.residual_charts import input_charts, motion_chart, residual_chart
-from iris_sysid.report.text import percent, shown_unit
+from iris_sysid.report.text import shown_unit
 from iris_sysid.types import (
     KIND_NAMES,
     Array,
     Component,
     ComponentCurve,
-    Components,
-    ComponentSide,
     Diagnosis,
     FitResult,
     Trajectory,
 )
-
-SHADES = ("", " second", " third")  # of the colour of a side, for its further parts
 
 
 def component_bars(diagnosis: Diagnosis) -> list[Bar]:
@@ -39,22 +36,11 @@ def component_bars(diagnosis: Diagnosis) -> list[Bar]:
     components, remaining = diagnosis.components, diagnosis.remaining
     if components is None:
         return []
-    bars = [_bar("The residual" if not diagnosis.added else "Without the added effects", components, 1.0)]
+    bars = [parts_bar("The residual" if not diagnosis.added else "Without the added effects", components, 1.0)]
     if remaining is not None and diagnosis.added:
         ratio = remaining.residual_rms / components.residual_rms if components.residual_rms > 0 else 1.0
-        bars.append(_bar("With the added effects, at the same scale", remaining, min(ratio**2, 1.0)))
+        bars.append(parts_bar("With the added effects, at the same scale", remaining, min(ratio**2, 1.0)))
     return bars
-
-
-def _bar(title: str, components: Components, scale: float) -> Bar:
-    seen: dict[ComponentSide, int] = {}
-    parts = []
-    for part in components.parts:
-        colour = f"{part.side}{SHADES[min(seen.get(part.side, 0), len(SHADES) - 1)]}"
-        seen[part.side] = seen.get(part.side, 0) + 1
-        parts.append((f"{share_text(part)} {KIND_NAMES[part.kind]}", 100 * scale * max(part.share, 0.0), colour))
-    noise = (f"{percent(components.noise_share)} noise", 100 * scale * max(components.noise_share, 0.0), "rest")
-    return Bar(f"{title}: {size_text(components.residual_rms, components.unit)} rms", [*parts, noise])
 
 
 def component_charts(diagnosis: Diagnosis) -> list[Chart]:

@@ -151,7 +151,7 @@ def _instead(kinds: Sequence[ComponentKind]) -> str:
     """What else it may be; of many kinds, that they look alike on this motion."""
     names = [with_article(KIND_NAMES[kind]) for kind in kinds]
     if len(names) <= MAX_ALTERNATIVES:
-        return "".join(f" or {name}" for name in names)
+        return f", or is {' or '.join(names)}" if names else ""
     few = ", ".join(names[:MAX_ALTERNATIVES])
     return f", or is {few} or another of {len(names)} kinds that look the same on this motion"
 

@@ -46,6 +46,8 @@ def _looks(quantity: Quantity, t_s: Array, residual: Array, motion: Array, noise
     rms = float(np.sqrt(np.mean(residual**2)))
     if rms == 0:
         return "zero throughout"
+    if residual.size >= MIN_SAMPLES and _is_in_few(residual):
+        return "almost all in a few samples"
     if noise > 0 and rms < NOISE_LIKE * noise:
         return "no more than noise"
     if residual.size < MIN_SAMPLES:
@@ -55,12 +57,15 @@ def _looks(quantity: Quantity, t_s: Array, residual: Array, motion: Array, noise
     return ", ".join(filter(None, [where, form])) or "of no simple form"
 
 
+def _is_in_few(residual: Array) -> bool:
+    """Whether a few samples hold most of the sum of squares: they raise the noise that is estimated, too."""
+    power = np.sort(residual**2)
+    return bool(power[-max(1, round(SPIKES * power.size)) :].sum() > MIN_SHARE * power.sum())
+
+
 def _where(quantity: Quantity, t_s: Array, residual: Array, motion: Array) -> str:
     """The part of the motion that holds most of it."""
     power = residual**2 / np.sum(residual**2)
-    few = max(1, round(SPIKES * power.size))
-    if np.sort(power)[-few:].sum() > MIN_SHARE:
-        return "almost all in a few samples"
     span = t_s[-1] - t_s[0]
     for inside, name in (
         (t_s <= t_s[0] + span / PARTS, f"mostly in the first {span / PARTS:.2g} s"),

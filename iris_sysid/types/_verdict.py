@@ -75,8 +75,9 @@ def explained_percent(share: float) -> str:
 
 
 def times_text(ratio: float) -> str:
-    """A ratio with two digits, written out: "1.4 times", "210 times"."""
-    return f"{float(f'{ratio:.2g}'):.15g} times"
+    """A ratio with two digits, written out: "1.0 times", "210 times"."""
+    rounded = float(f"{ratio:.2g}")
+    return f"{rounded:.{'1f' if 1 <= rounded < 10 else '15g'}} times"
 
 
 @dataclass(frozen=True, slots=True)

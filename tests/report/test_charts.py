@@ -199,6 +199,9 @@ def test_words_say_what_a_residual_looks_like(swinging):
     spike = noise.copy()
     spike[50] = 0.05
     assert looks(fitted, spike).startswith("almost all in a few samples")
+    spike[50] = 4e-3  # below 1.5 times a noise that it has raised
+    raised = replace(fitted, residual=spike[:, None], noise=np.array([np.sqrt(np.mean(spike**2))]))
+    assert residual_words(raised, 0).looks == "almost all in a few samples"
     alternating = 0.01 * (-1.0) ** np.arange(240)
     assert looks(fitted, alternating) == "of no simple form"
 

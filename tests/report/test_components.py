@@ -42,7 +42,7 @@ def test_sentence_of_the_parts_gives_every_part_its_share_its_size_and_its_meani
 def test_sentence_of_the_parts_gives_the_range_of_a_share_where_it_is_wide_and_what_may_take_its_place():
     unsure = wander_part(share=0.6, share_range=(0.2, 0.9), similar=("force-of-time", "input"))
     assert parts_sentence(components(unsure, noise_share=0.4)).startswith(
-        "60 % (20 to 90 %) of the residual is a slow wander of the zero or a slow force in time or an error of the "
+        "60 % (20 to 90 %) of the residual is a slow wander of the zero, or is a slow force in time or an error of the "
         "measured input (0.069°"
     )
 

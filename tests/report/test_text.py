@@ -200,13 +200,13 @@ def test_sentence_names_the_effect_the_errors_its_alternatives_and_what_remains(
     assert diagnosis_sentence(a_diagnosis()) == (
         "Adding quadratic drag (0.1200 ± 0.0010 1/rad) reduces the held-out error from 1.15° to 0.344°. "
         "Quadratic drag is indistinguishable from cubic stiffness. "
-        f"The model is still incomplete: the residual is 5 times the noise. {TOO_SHORT}"
+        f"The model is still incomplete: the residual is 5.0 times the noise. {TOO_SHORT}"
     )
 
 
 def test_sentence_of_a_complete_model_compares_the_residual_with_the_noise():
     text = diagnosis_sentence(a_diagnosis(after=(0.00104, 0.0011)))
-    assert text.endswith(f" The remaining residual is 1 times the noise. {TOO_SHORT}")
+    assert text.endswith(f" The remaining residual is 1.0 times the noise. {TOO_SHORT}")
 
 
 def test_sentence_gives_both_errors_where_other_missing_effects_make_the_size_much_less_certain():
@@ -295,5 +295,5 @@ def test_verdict_says_of_each_axis_what_to_do():
     ]
     assert verdict_lines(Verdict("good", (), Completeness(0.99991, True, 1.04), {"length": 0.00012})) == [
         "usable: length good to 0.012 %",
-        "equation complete: it explains 99.991 % of the motion; the residual is 1 times the noise",
+        "equation complete: it explains 99.991 % of the motion; the residual is 1.0 times the noise",
     ]

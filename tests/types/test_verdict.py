@@ -85,7 +85,8 @@ def test_share_of_the_motion_keeps_the_digits_of_what_lacks(share, text):
 
 
 @pytest.mark.parametrize(
-    ("ratio", "text"), [(1.42, "1.4 times"), (2.0, "2 times"), (213.2, "210 times"), (4e6, "4000000 times")]
+    ("ratio", "text"),
+    [(1.42, "1.4 times"), (2.0, "2.0 times"), (0.5, "0.5 times"), (213.2, "210 times"), (4e6, "4000000 times")],
 )
 def test_ratio_is_written_out_with_two_digits(ratio, text):
     assert times_text(ratio) == text
