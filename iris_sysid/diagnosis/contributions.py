@@ -94,7 +94,7 @@ class Contributions:
         if not self.allows(model):
             return False
         errors, others = self.estimate(model), self.estimate(other)
-        return errors.mean <= ALIKE * others.mean or others.share_below(errors) < WINS
+        return errors.score <= ALIKE * others.score or others.share_below(errors) < WINS
 
     def allows(self, model: ModelWithEffects) -> bool:
         """Whether a refit succeeded, with sizes that are possible."""

@@ -129,12 +129,12 @@ class EffectSearch:
 
     def _simplest(self, models: Sequence[ModelWithEffects]) -> ModelWithEffects:
         """With as few effects as one of those near the best; of those as few and about as good, the most plausible."""
-        best = min(models, key=lambda model: self._shares.estimate(model).mean)
+        best = min(models, key=lambda model: self._shares.estimate(model).score)
         fewest = min(len(model.effects) for model in models if self._is_near(model, best))
         simple = [model for model in models if len(model.effects) == fewest]
-        least = min(self._shares.estimate(model).mean for model in simple)
-        alike = [model for model in simple if self._shares.estimate(model).mean <= ALIKE * least]
-        return max(alike, key=lambda model: (self._plausibility(model), -self._shares.estimate(model).mean))
+        least = min(self._shares.estimate(model).score for model in simple)
+        alike = [model for model in simple if self._shares.estimate(model).score <= ALIKE * least]
+        return max(alike, key=lambda model: (self._plausibility(model), -self._shares.estimate(model).score))
 
     def _plausibility(self, model: ModelWithEffects) -> float:
         """The odds of all effects before the data, less where the components do not say that there is such a part."""
@@ -148,7 +148,7 @@ class EffectSearch:
         """
         errors, least = self._shares.estimate(model), self._shares.estimate(best)
         gain, stderr = least.gain_over(errors)
-        return model.squares <= best.squares or gain < stderr or errors.mean <= ALIKE * least.mean
+        return model.squares <= best.squares or gain < stderr or errors.score <= ALIKE * least.score
 
     def _in_one(self, current: ModelWithEffects) -> ModelWithEffects:
         """One effect in the place of several, where these do not surely predict better.
@@ -161,12 +161,12 @@ class EffectSearch:
         several = current.effects if len(current.effects) > 1 else ()
         singles = [self._cache.with_effects([effect], starts_of(current, [effect])) for effect in several]
         singles = [model for model in (*singles, *self._absorbing(self._cache.base)) if self._shares.allows(model)]
-        best = min(singles, key=lambda model: self._shares.estimate(model).mean, default=current)
+        best = min(singles, key=lambda model: self._shares.estimate(model).score, default=current)
         if best is not current:
-            least = ALIKE * self._shares.estimate(best).mean
+            least = ALIKE * self._shares.estimate(best).score
             formulas = [model for model in singles if not model.effects[0].absorbs]
-            alike = [model for model in formulas if self._shares.estimate(model).mean <= least]
-            best = min(alike, key=lambda model: self._shares.estimate(model).mean, default=best)
+            alike = [model for model in formulas if self._shares.estimate(model).score <= least]
+            best = min(alike, key=lambda model: self._shares.estimate(model).score, default=best)
             if not several and best.effects[0].absorbs:  # a formula stays unless blocks say surely otherwise
                 is_better = is_surely_better(best, self._shares.errors(best), self._shares.errors(current))
                 return best if is_better else current

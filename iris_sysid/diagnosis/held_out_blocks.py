@@ -52,7 +52,12 @@ class BlockErrors:
 
     @property
     def mean(self) -> float:
-        """The mean score of a sample, in units of the squared noise."""
+        """The mean squared error of a sample, in units of the noise."""
+        return float(np.average(self.squares, weights=self.counts))
+
+    @property
+    def score(self) -> float:
+        """The same of the damped errors, by which models are compared."""
         return float(np.average(self.scores, weights=self.counts))
 
     def share_below(self, other: BlockErrors) -> float:
@@ -61,7 +66,7 @@ class BlockErrors:
 
     def gain_over(self, other: BlockErrors) -> tuple[float, float]:
         """By how much the mean score is smaller than another one, and the block standard error of that."""
-        return other.mean - self.mean, float(np.std(_draws(other, self)))
+        return other.score - self.score, float(np.std(_draws(other, self)))
 
     def is_steady(self, name: str) -> bool:
         """Whether a value has the same sign in each fit without a block that determines it, in the mean over clips."""

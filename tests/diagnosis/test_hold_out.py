@@ -133,7 +133,8 @@ def test_block_that_no_model_predicts_decides_no_more_than_others():
     worse = BlockErrors(np.array([9e4, *1e3 * others]), counts, 1.0, usual=1e3)
     better = BlockErrors(np.array([1e5, *10.0 * others]), counts, 1.0, usual=1e3)
     assert better.share_below(worse) > 0.99
-    assert better.mean < 0.6 * worse.mean
+    assert better.score < 0.6 * worse.score
+    assert better.mean > 0.9 * worse.mean
     assert better.scores[1:] == pytest.approx(10.0, rel=0.01)  # what is usual counts as it is
 
 
