@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
@@ -40,7 +41,6 @@ class Contributions:
         self._blocks = every_block(cache.base.fits)
         self._errors: dict[frozenset[str], BlockErrors] = {}
         self._estimated: dict[frozenset[str], BlockErrors] = {}
-        self._usual = 0.0
         self._certain: frozenset[str] = frozenset()
 
     def trust(self, names: Iterable[str]) -> None:
@@ -67,20 +67,24 @@ class Contributions:
         """The errors of a model over blocks that its fits did not see."""
         if model.key not in self._errors:
             self._cache.report(f"predicting blocks left out with {', '.join(model.names_in_order) or 'no effect'}")
-            self._errors[model.key] = self._scored(held_out_errors(self._cache.clips, model, self._blocks))
+            self._errors[model.key] = replace(
+                held_out_errors(self._cache.clips, model, self._blocks), usual=self._usual
+            )
         return self._errors[model.key]
 
     def estimate(self, model: ModelWithEffects) -> BlockErrors:
         """The same to first order, without a fit."""
+        return replace(self._linearised(model), usual=self._usual)
+
+    def _linearised(self, model: ModelWithEffects) -> BlockErrors:
         if model.key not in self._estimated:
-            self._estimated[model.key] = self._scored(linearised_errors(model, self._blocks))
+            self._estimated[model.key] = linearised_errors(model, self._blocks)
         return self._estimated[model.key]
 
-    def _scored(self, errors: BlockErrors) -> BlockErrors:
-        """Errors that count by their logarithm beyond what is usual for the model without effects."""
-        if not self._usual:
-            self._usual = float(np.median(linearised_errors(self.base, self._blocks).squares))
-        return replace(errors, usual=max(self._usual, 1.0))
+    @cached_property
+    def _usual(self) -> float:
+        """The median squared error over blocks of the model without effects; that of the noise where it is smaller."""
+        return max(float(np.median(self._linearised(self.base).squares)), 1.0)
 
     def heldout(self, model: ModelWithEffects) -> tuple[float, float]:
         """The error over blocks left out: root mean square, in the observed unit and in units of the noise; or NaN."""

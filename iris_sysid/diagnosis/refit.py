@@ -230,13 +230,12 @@ def _refitted(
     held = {} if weak else _with_shapes_held(clip, fitted, start, values, model, effects)
     if held:
         found = _fit_from(clip, {**values, **held}, fitted.free, model, effects)
-        lost = not best.usable or (found.usable and _misfit(clip, found, unit) < LOST * _misfit(clip, best, unit))
-        best = found if lost else best
+        best = found if _left(clip, found, unit) < LOST * _left(clip, best, unit) else best
     if len(effects) == 1 and not weak:
-        misfit = _misfit(clip, best, unit) if best.usable else np.inf
+        misfit = _left(clip, best, unit)
         if misfit > FAR_OFF**2 * fitted.n * len(fitted.rms):
             grown = _fit_from(clip, values, fitted.free, model, effects, growing=True)
-            best = grown if grown.usable and _misfit(clip, grown, unit) < misfit else best
+            best = grown if _left(clip, grown, unit) < misfit else best
     for effect in effects:
         moves = MAX_MOVES if effect.is_placed else int(effect.name in start)
         for _ in range(moves):
@@ -245,7 +244,7 @@ def _refitted(
                 break
             moved = _fit_from(clip, values, fitted.free, model, effects)
             least = 0.0 if effect.is_placed else MATERIAL
-            if not moved.usable or _misfit(clip, moved, unit) >= (1.0 - least) * _misfit(clip, best, unit):
+            if _left(clip, moved, unit) >= (1.0 - least) * _left(clip, best, unit):
                 break
             best = moved
     return best
@@ -263,8 +262,8 @@ def _with_shapes_held(
 
     Beside a size near zero a shape is not determined, and the first step of a fit of both leads anywhere.
     """
-    new = [effect for effect in effects if effect.name in start]
-    new = [effect for effect in new if abs(values[effect.parameters[0].name]) < abs(start[effect.name][0])]
+    sizes = {name: abs(size) for name, (size, _) in start.items()}
+    new = [effect for effect in effects if abs(values[effect.parameters[0].name]) < sizes.get(effect.name, 0.0)]
     fixed = {each.name: values[each.name] for effect in new for each in effect.parameters[1:] if not each.constant}
     if not fixed:
         return {}
@@ -393,6 +392,11 @@ def _misfit(clip: FitRequest, fitted: FitResult, unit: Array, values: Mapping[st
     inside = trajectory.valid[:stop] & (trajectory.t_s[:stop] >= used[0])
     with np.errstate(over="ignore"):  # a prediction that diverges is infinitely wrong
         return float(np.nansum(((observed - predicted) / unit[:stop])[inside] ** 2))
+
+
+def _left(clip: FitRequest, fitted: FitResult, unit: Array) -> float:
+    """:func:`_misfit` of a fit; infinite where it failed."""
+    return _misfit(clip, fitted, unit) if fitted.usable else np.inf
 
 
 def free_values(fitted: FitResult) -> dict[str, float]:

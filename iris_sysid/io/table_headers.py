@@ -231,7 +231,7 @@ def _guessed(cells: Cells, titles: Sequence[str], time: Meaning | None = None) -
 
     An input needs no unit, and beside one an output y, y1, ... neither.
     """
-    numeric = [k for k in range(len(titles)) if _is_numeric(cells, k)]
+    numeric = _numeric(cells, titles)
     time = time or _time(cells, titles, numeric)
     driven = any(INPUT.fullmatch(_plain(_taken_apart(titles[k])[0])) for k in numeric)
     meanings, unknown = [time], []
@@ -280,7 +280,7 @@ def columns_for(path: str | Path, quantities: Sequence[Quantity]) -> dict[str, s
     """
     cells = read_cells(path)
     titles = titles_of(cells)
-    numeric = [k for k in range(len(titles)) if _is_numeric(cells, k)]
+    numeric = _numeric(cells, titles)
     try:
         time = _time(cells, titles, numeric).column
     except DataError:
@@ -319,6 +319,11 @@ def _time(cells: Cells, titles: Sequence[str], numeric: Sequence[int]) -> Meanin
     )
 
 
+def _numeric(cells: Cells, titles: Sequence[str]) -> list[int]:
+    """Indices of the columns whose cells are mostly numbers."""
+    return [k for k in range(len(titles)) if _is_numeric(cells, k)]
+
+
 def _is_numeric(cells: Cells, k: int) -> bool:
     """Whether most filled cells of a column are numbers."""
     filled = [row[k] for row in cells.rows if row[k] not in BLANK]
@@ -354,7 +359,7 @@ def parse_columns(text: str) -> dict[str, str]:
 def _stated(cells: Cells, titles: Sequence[str], stated: Mapping[str, str]) -> list[Meaning]:
     meanings = [_one_stated(cells, titles, name, title) for name, title in stated.items()]
     if not any(meaning.name == "t" for meaning in meanings):
-        meanings.insert(0, _time(cells, titles, [k for k in range(len(titles)) if _is_numeric(cells, k)]))
+        meanings.insert(0, _time(cells, titles, _numeric(cells, titles)))
     if len(meanings) < 2:
         others = [title for k, title in enumerate(titles) if k != meanings[0].column]
         example = {"t": titles[meanings[0].column] if meanings[0].column != ROW else "row", **example_of(others)}

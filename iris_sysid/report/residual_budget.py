@@ -38,9 +38,10 @@ def residual_budget(trajectory: Trajectory, fit: FitResult) -> tuple[Sequence[st
     components = components_of([FitRequest(trajectory, fit.model)], [fit]) if fit.usable else None
     if components is None:
         return [], []
-    noise, measured = components.noise_share, _noise_share(fit)
-    if not fit.verdict.complete and noise - measured > MIN_SHARE:
-        noise = measured
+    noise, equation = components.noise_share, fit.verdict.equation
+    if equation is not None and not equation.complete and np.isfinite(equation.residual_over_noise):
+        measured = equation.residual_over_noise**-2
+        noise = measured if noise - measured > MIN_SHARE else noise
     first, *more = fit.model.observed
     bar = parts_bar(f"The residual of all, in {first.name}" if more else "The residual", components, noise=noise)
     if components.parts:
@@ -49,12 +50,6 @@ def residual_budget(trajectory: Trajectory, fit: FitResult) -> tuple[Sequence[st
         return [parts_sentence(components)], [bar]
     rest = f"{percent(noise)} of the residual is noise; the rest has no form that these data show"
     return [f"{rest}. {DIAGNOSE}"], [bar]
-
-
-def _noise_share(fit: FitResult) -> float:
-    """The fraction of the residual's variance, in units of the noise, that noise explains; 1 where it is not known."""
-    known = (fit.noise > 0) & (fit.rms > 0)
-    return float(known.sum() / np.sum((fit.rms[known] / fit.noise[known]) ** 2)) if known.any() else 1.0
 
 
 def parts_bar(title: str, components: Components, scale: float = 1.0, noise: float | None = None) -> Bar:
