@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -50,6 +51,8 @@ def run_demo(folder: Path, *, overwrite: bool = False, progress: Callable[[int, 
     clip, truth = render_demo(folder, progress=progress, overwrite=overwrite)
     result = run(clip, "pendulum")
     diagnosis = diagnose(result.trajectory, result.fit.model, free=result.phenomenon.free)
+    # the error of a size that the sentence tells, not that of a model which nothing else could explain
+    final = replace(diagnosis.final, estimates={**diagnosis.final.estimates, **diagnosis.sizes})
     pages = [
         save(result, report, overwrite=overwrite),
         diagnosis_page.write_diagnosis(
@@ -68,7 +71,7 @@ def run_demo(folder: Path, *, overwrite: bool = False, progress: Callable[[int, 
             "",
             diagnosis_text(diagnosis),
             *verdict_lines(diagnosis.verdict),
-            _table(compare(truth, diagnosis.final)),
+            _table(compare(truth, final)),
             "",
             *(f"open {page}" for page in pages),
         ]
