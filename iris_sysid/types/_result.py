@@ -67,7 +67,7 @@ class FitProblem:
 def _verdict(
     status: FitStatus, reasons: tuple[Doubt, ...], equation: Completeness | None, accuracy: Mapping[str, float]
 ) -> Verdict:
-    """The verdict on a fit, with the reasons that follow from its accuracy and from how little its equation explains."""
+    """The verdict on a fit, with the reasons that follow from its accuracy and what its equation explains."""
     if status not in USABLE:
         return Verdict("failed", reasons)
     complete = equation is None or equation.complete
