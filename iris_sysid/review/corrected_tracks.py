@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 from iris_sysid.errors import DataError
 from iris_sysid.review.edits import Confirm, Delete, Drop, Edit, Place, SplitTrack, Swap
 from iris_sysid.types import Array, Doubt, Mask, Track, TrackMark, TrackQuality, mapped
+
+if TYPE_CHECKING:
+    from iris_sysid.video.reader import Video
 
 # columns of a track with a value for every frame, and their value in a frame without the body
 PER_FRAME: dict[str, Any] = {
@@ -124,6 +127,15 @@ def empty_track(t_s: Array, frame: Whole, body: str) -> Track:
         body=body,
         edited=np.zeros(n, dtype=np.bool_),
     )
+
+
+def unfollowed(video: Video) -> Track | None:
+    """A body that was found in no frame of a clip, for a person to place; None where only decoding tells the times."""
+    times = np.array(video.frame_times)
+    if not times.size:
+        return None
+    later = np.concatenate([[True], np.diff(np.maximum.accumulate(times)) > 0])
+    return empty_track(times[later], np.flatnonzero(later), "1")
 
 
 def edited_mask(track: Track) -> Mask:

@@ -19,7 +19,7 @@ from iris_sysid.io.archives import member_of
 from iris_sysid.io.csv_read import read_track
 from iris_sysid.io.csv_write import write_track
 from iris_sysid.io.files import sha256_of
-from iris_sysid.review.corrected_tracks import Tracks, edited_mask, empty_track, in_frame_px, passes
+from iris_sysid.review.corrected_tracks import Tracks, edited_mask, in_frame_px, passes, unfollowed
 from iris_sysid.review.edits import BoardCorners, Edit, ScaleBar, Tracked
 from iris_sysid.review.fit_process import fitted_apart
 from iris_sysid.review.fit_queue import FitOutcome, FitQueue
@@ -293,18 +293,11 @@ class Session:
         try:
             tracks = followed(video, request, options)
         except TrackingError:
-            if self.tracking.stop or self.state.tracks or not self.video.frame_times:
-                raise
-            self._add_tracks([self._nothing_found()])
+            nothing = None if self.tracking.stop or self.state.tracks else unfollowed(self.video)
+            if nothing is not None:
+                self._add_tracks(pipeline.from_source([nothing], self.clip, request.recorded()))
             raise
         return pipeline.from_source(tracks, self.clip, request.recorded(), complete=video.complete)
-
-    def _nothing_found(self) -> Track:
-        """A track without any position, so that a person can place them."""
-        times = np.array(self.video.frame_times)
-        later = np.concatenate([[True], np.diff(np.maximum.accumulate(times)) > 0])
-        nothing = empty_track(times[later], np.flatnonzero(later), "1")
-        return pipeline.from_source([nothing], self.clip, self.state.request.recorded())[0]
 
     def _progress(self, done: int, expected: int) -> None:
         self.tracking.done, self.tracking.expected = done, expected

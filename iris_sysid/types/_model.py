@@ -132,7 +132,8 @@ class OdeModel(Portable):
     inputs (n, m) that really act at these times. With ``events``, ``state`` ends with the mode; see :class:`Event`.
     The last ``hidden`` states are those of effects: nothing observes them, and they begin at zero unless freed.
     ``ties`` holds parameters that were taken out as expressions of the others, each name with its expression; they are
-    among the ``derived``. ``typical``, which every registered model has, says which values one meets, in words. ``example``, which every
+    among the ``derived``.
+    ``typical``, which every registered model has, says which values one meets, in words. ``example``, which every
     registered model has, is a motion for the contract tests.
     """
 
