@@ -348,9 +348,13 @@ class Session:
             if version != self.version:
                 raise BehindError(self.version)
             names = self._write(outcome)
-            self._log.add(Entry("save"), self.version)
-            self.saved_version = self.version
+            self.mark_saved()
             return names
+
+    def mark_saved(self) -> None:
+        """Write in the log that the folder holds the results of this version."""
+        self._log.add(Entry("save"), self.version)
+        self.saved_version = self.version
 
     def _write(self, outcome: FitOutcome | None) -> list[str]:
         if outcome is not None and outcome.run is not None:
