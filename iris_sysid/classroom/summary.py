@@ -293,7 +293,7 @@ def _comparisons(
     if teacher is not None and teacher.value is not None and pooled is not None:
         # one more group: its pendulum differs from the others' as they do among themselves
         stderr = math.hypot(teacher.value.stderr, pooled.between.value)
-        found.append(_comparison("the teacher's own", pooled.mean, replace(teacher.value, stderr=stderr)))
+        found.append(_comparison("the teacher's own", pooled.mean, replace(teacher.value, stderr=stderr, ci95=None)))
     return found
 
 
