@@ -39,9 +39,9 @@ from iris_sysid.pipeline import (
     track_clip,
 )
 from iris_sysid.registry import MODELS
-from iris_sysid.review.corrected_tracks import unfollowed
 from iris_sysid.trajectory.consistency.capture_rate import STATED
 from iris_sysid.types import Calibration, Estimate, FitResult, Progress, Track, Trajectory, with_progress
+from iris_sysid.video.empty_track import unfollowed
 from iris_sysid.video.reader import Video
 
 GROUPS = "groups"  # folder of the groups' folders

@@ -19,7 +19,7 @@ from iris_sysid.io.archives import member_of
 from iris_sysid.io.csv_read import read_track
 from iris_sysid.io.csv_write import write_track
 from iris_sysid.io.files import sha256_of
-from iris_sysid.review.corrected_tracks import Tracks, edited_mask, in_frame_px, passes, unfollowed
+from iris_sysid.review.corrected_tracks import Tracks, edited_mask, in_frame_px, passes
 from iris_sysid.review.edits import BoardCorners, Edit, ScaleBar, Tracked
 from iris_sysid.review.fit_process import fitted_apart
 from iris_sysid.review.fit_queue import FitOutcome, FitQueue
@@ -28,6 +28,7 @@ from iris_sysid.review.log import LOG_NAME, Entry, LogWriter
 from iris_sysid.review.preview import MAX_FRAMES, thinned
 from iris_sysid.review.request import ReviewRequest
 from iris_sysid.types import Run, Track, TrackMark, TrackOptions
+from iris_sysid.video.empty_track import unfollowed
 from iris_sysid.video.frame_access import FrameAccess
 from iris_sysid.video.reader import Video, open_video
 

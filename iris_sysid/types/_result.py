@@ -31,7 +31,7 @@ IMPRECISE = 0.2  # relative standard error above which a value of an incomplete 
 UNCERTAIN = 1 / 3  # of any equation: three standard errors then reach zero
 LITTLE_EXPLAINED = 0.9  # fraction of the motion's variance below which the values of an equation are doubtful
 SETTLE = "Diagnose it: what the equation lacks may move this value by that much"
-MORE_MOTION = "The motion hardly determines it: record more of the motion, or state another value that is known"
+MORE_MOTION = "The motion says little about it: record more of the motion, or state another value that is known"
 ANOTHER = "Another equation may describe the motion: try --model auto, or look at the residual"
 
 
