@@ -189,10 +189,10 @@ class Diagnosis(Shown):
         lacks = self.incomplete or self._lacking is not None
         if lacks:
             finding = f"the residual is {times_text(self.residual_ratio)} the noise"  # once, not of each fit as well
-            found, last = fits.number_reasons, (Doubt("incomplete", finding, INCOMPLETE),)
+            found, last = fits.number_reasons, [Doubt("incomplete", finding, INCOMPLETE)]
             equation = self._incomplete_equation(fits.equation)
         else:
-            found, last = fits.reasons, ()
+            found, last = fits.reasons, []
             equation = fits.equation and replace(fits.equation, residual_over_noise=self.residual_ratio)
         unsure = [Doubt("several-names", self._names_text(name), SEVERAL_NAMES) for name in self._unsure()]
         if "imprecise" not in (doubt.kind for doubt in found):
