@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
@@ -52,11 +53,15 @@ class MarkedClip:
         return pd.read_csv(MARKS / f"{self.name}.csv")
 
 
-def marked_clips(split: str = "", only: str = "") -> list[MarkedClip]:
-    """The clips that have marks, of one split (or all), whose name contains a text."""
+def marked_clips(split: str = "", only: str = "", first: int | None = None) -> list[MarkedClip]:
+    """The clips that have marks, of one split (or all), whose name contains a text.
+
+    ``first``: only so many, in the order of the SHA-256 of their names, which is by chance.
+    """
     rows = pd.read_csv(MARKS / "clips.csv", keep_default_na=False).to_dict("records")
     clips = [MarkedClip(**{str(name): value for name, value in row.items()}) for row in rows]
-    return [clip for clip in clips if clip.expect != "orientation" and split in ("", clip.split) and only in clip.name]
+    asked = [clip for clip in clips if clip.expect != "orientation" and split in ("", clip.split) and only in clip.name]
+    return asked if first is None else sorted(asked, key=lambda clip: sha256(clip.name.encode()).hexdigest())[:first]
 
 
 @dataclass(frozen=True, slots=True)

@@ -204,10 +204,10 @@ def _share(table: pd.DataFrame) -> float:
     return float(free["met"].mean()) if len(free) else 1.0
 
 
-def lines(split: str, only: str) -> Iterator[str]:
+def lines(split: str, only: str, first: int | None = None) -> Iterator[str]:
     """A row a clip, then the sums."""
     rows = []
-    for clip in marked_clips(split, only):
+    for clip in marked_clips(split, only, first):
         if clip.expect != "follow":
             continue
         one = reviewed(clip)
@@ -221,6 +221,7 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--split", default="open", choices=("open", "sealed"))
     parser.add_argument("--only", default="", help="clips whose name contains this")
+    parser.add_argument("--first", type=int, help="so many clips, in the order of the SHA-256 of their names")
     arguments = parser.parse_args()
-    for line in lines(arguments.split, arguments.only):
+    for line in lines(arguments.split, arguments.only, arguments.first):
         print(line, flush=True)

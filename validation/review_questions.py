@@ -99,10 +99,10 @@ def _held(frames: NDArray[np.int64], body: str, questions: Sequence[FrameQuestio
     return np.array([any(first <= frame <= last for first, last in own) for frame in frames], dtype=bool)
 
 
-def lines(only: str, split: str = "open") -> Iterator[str]:
+def lines(only: str, split: str = "open", first: int | None = None) -> Iterator[str]:
     """A row a clip, then a table of the first questions of all."""
     rows = []
-    for clip in marked_clips(split, only):
+    for clip in marked_clips(split, only, first):
         try:
             rows.append(measured(clip))
         except IrisError as error:
@@ -132,7 +132,8 @@ def summary(rows: Sequence[Asked]) -> Iterator[str]:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", default="", help="clips whose name contains this")
+    parser.add_argument("--first", type=int, help="so many clips, in the order of the SHA-256 of their names")
     parser.add_argument("--sealed", action="store_true", help="the clips that the questions were not made on")
     options = parser.parse_args()
-    for line in lines(options.only, "sealed" if options.sealed else "open"):
+    for line in lines(options.only, "sealed" if options.sealed else "open", options.first):
         print(line, flush=True)

@@ -36,7 +36,8 @@ def lmfit_minimizer(fitted: FitResult, trajectory: Trajectory) -> lmfit.Minimize
     Returns
     -------
     lmfit.Minimizer
-        With ``params`` by name: the free values vary within the model's bounds, all others are held.
+        With ``params`` by name: the free values vary within the model's bounds, tied ones follow their expression, all
+        others are held.
 
     Raises
     ------
@@ -70,6 +71,8 @@ def lmfit_minimizer(fitted: FitResult, trajectory: Trajectory) -> lmfit.Minimize
         lower, upper = bounds.get(name, (-np.inf, np.inf))
         value = fitted.estimates[name].value
         parameters.add(name, value=value, min=lower, max=upper, vary=name in fitted.free)
+    for name, expression in fitted.model.ties:
+        parameters.add(name, expr=expression)
     _state_errors(parameters, fitted)
 
     def lmfit_residual(parameters: lmfit.Parameters) -> Array:
@@ -81,6 +84,8 @@ def lmfit_minimizer(fitted: FitResult, trajectory: Trajectory) -> lmfit.Minimize
 def _state_errors(parameters: lmfit.Parameters, fitted: FitResult) -> None:
     """Give the parameters the standard errors of the fit, and the correlations that belong to them."""
     correlation = correlation_matrix(fitted.total_covariance)
+    for name, _ in fitted.model.ties:
+        parameters[name].stderr = float(fitted.estimates[name].stderr)
     for k, name in enumerate(fitted.free):
         if np.isfinite(fitted.estimates[name].stderr):
             parameters[name].stderr = float(fitted.estimates[name].stderr)

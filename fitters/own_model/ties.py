@@ -110,6 +110,7 @@ def tied_model(model: OdeModel, ties: tuple[tuple[str, str], ...]) -> OdeModel:
         derived=(*(Quantity(name, own[name].unit, own[name].symbol) for name in read), *model.derived),
         derive=_derive(model.derive, names, ties),
         first_integral=None,
+        ties=ties,
     )
 
 

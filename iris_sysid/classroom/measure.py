@@ -18,7 +18,7 @@ from iris_sysid.calibration.pixel_scale import uncalibrated
 from iris_sysid.classroom.evidence import CAPTURE, diameter_of, evidence_of
 from iris_sysid.classroom.groups import Group
 from iris_sysid.classroom.table_page import write_table_page
-from iris_sysid.errors import DataError, IrisError, OutputError
+from iris_sysid.errors import DataError, IrisError, OutputError, TrackingError
 from iris_sysid.io.csv_cells import is_own_table
 from iris_sysid.io.csv_read import read_track, read_trajectory
 from iris_sysid.io.csv_write import write_track, write_trajectory
@@ -33,6 +33,7 @@ from iris_sysid.pipeline import (
     from_source,
     observe_and_fit,
     open_clip,
+    request_origin,
     run_tracked,
     save,
     track_clip,
@@ -40,6 +41,7 @@ from iris_sysid.pipeline import (
 from iris_sysid.registry import MODELS
 from iris_sysid.trajectory.consistency.capture_rate import STATED
 from iris_sysid.types import Calibration, Estimate, FitResult, Progress, Track, Trajectory, with_progress
+from iris_sysid.video.empty_track import unfollowed
 from iris_sysid.video.reader import Video
 
 GROUPS = "groups"  # folder of the groups' folders
@@ -190,7 +192,11 @@ def _of_a_clip(group: Group, folder: Path, corrected: Sequence[Track]) -> Measur
     if corrected:
         video = open_clip(path, request.clip)
     else:
-        video, tracks = track_clip(path, request.phenomenon, request)
+        try:
+            video, tracks = track_clip(path, request.phenomenon, request)
+        except TrackingError:
+            _write_unfollowed(group, folder)
+            raise
         write_track(tracks, folder / TRACK, overwrite=True)  # for a review, also where it cannot be fitted
     result = run_tracked(video, tracks, request.phenomenon, source=path, **request.of_tracks())
     save(result, folder, overwrite=True)
@@ -199,6 +205,15 @@ def _of_a_clip(group: Group, folder: Path, corrected: Sequence[Track]) -> Measur
     rate = facts.get(STATED)
     recorded_hz = rate if isinstance(rate, float) else None
     return Measured(result.trajectory, result.fit, world, result.tracks[0], result.calibration, recorded_hz)
+
+
+def _write_unfollowed(group: Group, folder: Path) -> None:
+    """A track without positions, for a review of a clip that no tracker follows."""
+    request, path = group.request, group.source.path
+    nothing = unfollowed(open_clip(path, request.clip))
+    if nothing is not None:
+        recorded = request_origin(request.phenomenon, request)
+        write_track(from_source([nothing], path, recorded), folder / TRACK, overwrite=True)
 
 
 def _of_a_table(group: Group, folder: Path) -> Measured:

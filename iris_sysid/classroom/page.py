@@ -14,7 +14,7 @@ import jinja2
 from iris_sysid.classroom.picture import PHONE_IN, class_figure, svg_of
 from iris_sysid.classroom.summary import ClassResult, GroupResult, shown_name
 from iris_sysid.io.files import write_atomic
-from iris_sysid.report.text import as_sentence, interval_text, shown_unit, with_error
+from iris_sysid.report.text import as_sentence, interval_text, shown_unit, two_digits, with_error
 from iris_sysid.report.typeset import typeset
 from iris_sysid.types import SPOKEN, Estimate, Population
 
@@ -167,10 +167,11 @@ def _means(result: ClassResult) -> list[Mapping[str, str]]:
 
 def _population(population: Population) -> dict[str, str]:
     unit, factor = shown_unit(population.mean.unit)
-    between = f"{factor * population.between.value:.2g} {unit}".strip() if population.between.value > 0 else "none seen"
+    scatter = factor * population.between.value
+    between = f"{two_digits(scatter)} {unit}".strip() if scatter > 0 else "none seen"
     return {
         "mean": typeset(with_error(population.mean)),
         "interval": typeset(interval_text(population.mean)),
         "between": between,
-        "within": f"{factor * population.within:.2g} {unit}".strip(),
+        "within": f"{two_digits(factor * population.within)} {unit}".strip(),
     }

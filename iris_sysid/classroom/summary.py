@@ -15,7 +15,7 @@ from iris_sysid.classroom.outliers import deviations
 from iris_sysid.errors import DataError, UnknownNameError
 from iris_sysid.io.schemas import GroupDocument, number
 from iris_sysid.registry import MODELS
-from iris_sysid.report.text import shown_unit, with_error
+from iris_sysid.report.text import shown_unit, two_digits, with_error
 from iris_sysid.types import Estimate, OdeModel, Population
 
 NOT_FOUND = "no cause found"
@@ -110,7 +110,8 @@ class ClassResult:
             return f"{used} of {len(self.groups)} groups have a value of {shown_name(self.value)}: too few for a mean"
         factor = shown_unit(self.pooled.mean.unit)[1]
         between = self.pooled.between.value * factor
-        scatter = f"groups scatter by {between:.2g} {shown_unit(self.pooled.mean.unit)[0]}" if between > 0 else ""
+        size = f"{two_digits(between)} {shown_unit(self.pooled.mean.unit)[0]}" if between > 0 else ""
+        scatter = f"groups scatter by {size}" if size else ""
         mean = f"{shown_name(self.value)} {with_error(self.pooled.mean)} from {used} of {len(self.groups)} groups"
         return "; ".join(filter(None, [mean, scatter or "groups scatter by no more than their errors"]))
 
@@ -292,7 +293,7 @@ def _comparisons(
     if teacher is not None and teacher.value is not None and pooled is not None:
         # one more group: its pendulum differs from the others' as they do among themselves
         stderr = math.hypot(teacher.value.stderr, pooled.between.value)
-        found.append(_comparison("the teacher's own", pooled.mean, replace(teacher.value, stderr=stderr)))
+        found.append(_comparison("the teacher's own", pooled.mean, replace(teacher.value, stderr=stderr, ci95=None)))
     return found
 
 

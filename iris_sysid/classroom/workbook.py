@@ -13,7 +13,7 @@ import xlsxwriter
 
 from iris_sysid.classroom.summary import ClassResult, GroupResult
 from iris_sysid.io.files import write_atomic
-from iris_sysid.types import Estimate, Population
+from iris_sysid.types import SPOKEN, Estimate, Population
 
 # text stays text: a group may be called =1+1, or have an address for a name
 PLAIN = {"in_memory": True, "strings_to_formulas": False, "strings_to_urls": False, "strings_to_numbers": False}
@@ -75,8 +75,8 @@ def _group_rows(result: ClassResult) -> list[Row]:
     units = {name: _unit_of(result, name) for name in names}
     head = ["group"]
     for name in names:
-        head += [f"{name}{units[name]}", f"standard error{units[name]}"]
-    head += ["95 % from", "95 % to", "standard errors from the others", "in the mean", "what is wrong", "verdict"]
+        head += [f"{name}{units[name]}", f"standard error{units[name]}", "95 % from", "95 % to"]
+    head += ["standard errors from the others", "in the mean", "what is wrong", "numbers"]
     groups = [*result.groups, *([result.teacher] if result.teacher else [])]
     return [[*head, "message", "file"], *(_row(group, names, teacher=group is result.teacher) for group in groups)]
 
@@ -89,32 +89,31 @@ def _unit_of(result: ClassResult, name: str) -> str:
 
 def _row(group: GroupResult, names: Sequence[str], *, teacher: bool) -> Row:
     estimates = [group.document.estimate(name) if group.document.usable else None for name in names]
-    low, high = estimates[0].interval if estimates[0] is not None else (None, None)
     verdict = group.document.verdict
     return [
         group.name,
-        *(number for estimate in estimates for number in _pair(estimate)),
-        low,
-        high,
+        *(number for estimate in estimates for number in _with_interval(estimate)),
         group.in_errors,
         "teacher" if teacher else "yes" if group.pooled else "no",
         group.cause,
-        "failed" if verdict is None else verdict.word,
+        "failed" if verdict is None else SPOKEN[verdict.word],
         group.document.message,
         group.document.source,
     ]
 
 
-def _pair(estimate: Estimate | None) -> tuple[float | None, float | None]:
-    return (None, None) if estimate is None else (estimate.value, estimate.stderr)
+def _with_interval(estimate: Estimate | None) -> tuple[float | None, ...]:
+    """Value, standard error, and the ends of the 95 % interval."""
+    return (None,) * 4 if estimate is None else (estimate.value, estimate.stderr, *estimate.interval)
 
 
 def _mean_rows(result: ClassResult) -> list[Row]:
     head = ["value", "groups", "mean", "standard error", "95 % from", "95 % to", "unit", "scatter between groups"]
     rows: list[Row] = [[*head, "error within one", "chance of such a scatter"]]
+    some_outlying = any(group.outlying for group in result.groups)
     for name, of, population in [
         (result.value, "without outliers", result.pooled),
-        (result.value, "with outliers", result.every),
+        *([(result.value, "with outliers", result.every)] if some_outlying else []),
         *((name, "without outliers", population) for name, population in result.others.items()),
     ]:
         if population is not None:

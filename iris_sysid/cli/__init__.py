@@ -212,5 +212,6 @@ def main() -> None:
         if isinstance(error, OSError) and error.filename and error.strerror:
             unexpected = f"{error.strerror}: {error.filename}; --debug shows where"
         text = _terminal.error_text(error) if isinstance(error, IrisError) else unexpected
-        typer.echo(f"iris-sysid: {_terminal.one_line(text)}", err=True)
+        for line in (f"iris-sysid: {text}", *getattr(error, "__notes__", ())):
+            typer.echo(_terminal.one_line(line), err=True)
         sys.exit(1)

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from iris_sysid.errors import DataError, FitError, IrisError, OutputError
+from iris_sysid.errors import DataError, FitError, IrisError, OutputError, TrackingError
 from iris_sysid.io.compiling import when_compiling
 
 if TYPE_CHECKING:
@@ -180,6 +180,29 @@ def suggest(*arguments: object, json: bool = False) -> None:
     """Print the next command to type on stderr; nothing beside JSON, which a program reads."""
     if not json:
         typer.echo(f"next: {command(*arguments)}", err=True)
+
+
+@contextmanager
+def by_hand(output: Path, source: Path, *options: object) -> Iterator[None]:
+    """Have the message of a clip that no tracker follows end in the command that follows it by hand.
+
+    Parameters
+    ----------
+    output
+        Folder for the review; where it holds results of another run, one in it.
+    source
+        The clip.
+    *options
+        As typed.
+    """
+    from iris_sysid.review.opening import is_result
+
+    try:
+        yield
+    except TrackingError as error:
+        folder = output / "review" if is_result(output) else output
+        error.add_note(f"next: {command('review', source, *options, '-o', folder)}")
+        raise
 
 
 def command(*arguments: object) -> str:

@@ -96,7 +96,8 @@ def class_(
     page = write_page(result, title, output / PAGE, reviews=reviews, overwrite=True)
     write_workbook(result, output / WORKBOOK, overwrite=True)
     _show(result, json)
-    typer.echo(f"{len(groups)} groups, {now} measured now; page: {page}", err=True)
+    count = f"{len(groups)} groups{'' if own is None else ' and the teacher'}"
+    typer.echo(f"{count}, {now} measured now; page: {page}", err=True)
     if serve:
         _serve(result, title, {group.name: group.source for group in groups if group.name in reviews}, output)
     else:

@@ -71,5 +71,5 @@ def review(
     if session.saved_version != session.version:
         typer.echo("not saved: the edits are in the log; open the review again and save", err=True)
         _terminal.suggest("review", folder, *([] if video is None else ["--clip", video]))
-    else:
+    elif (folder / "report.html").is_file():
         typer.echo(f"report: {folder / 'report.html'}", err=True)

@@ -34,7 +34,8 @@ def run(
     if phenomenon is None:
         _ask_for_phenomenon(video, output, as_typed(film))
     chosen = PHENOMENA.named(phenomenon)
-    with _terminal.progress("tracking", then="calibrating and fitting") as report_progress:
+    by_hand = _terminal.by_hand(output, video, "--phenomenon", phenomenon, *as_typed(film))
+    with by_hand, _terminal.progress("tracking", then="calibrating and fitting") as report_progress:
         request = film.request(chosen, progress=report_progress)
         result = pipeline.run(
             video,

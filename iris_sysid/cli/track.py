@@ -81,7 +81,10 @@ def track(
     opened = open_video(video, fps=clip.fps, start_s=clip.start, stop_s=clip.stop, keep_partial=clip.keep_partial)
     if calibration is not None:
         check_image_size(calibration.image_size, (opened.width, opened.height))
-    with _terminal.progress("tracking") as report_progress:
+    same = [*as_typed(clip, tracking, scale), *_terminal.repeated("--mark", mark)]
+    reviewed = [*(["--phenomenon", phenomenon] if phenomenon else []), *same, *(["--bodies", bodies] if bodies else [])]
+    by_hand = _terminal.by_hand(output.parent / "review", video, *reviewed)
+    with by_hand, _terminal.progress("tracking") as report_progress:
         count = bodies or (chosen.bodies if chosen else 1)
         options = _parsing.track_options(count, tracking.roi, tracking.colour, report_progress, curve=tracking.transfer)
         options = replace(options, marks=_parsing.body_marks(mark or ()))
@@ -117,7 +120,6 @@ def track(
         typer.echo(f"warning: {text}", err=True)
     _terminal.print_rows(_rows(tracks), json, header=True)
     if not json:
-        same = [*as_typed(clip, tracking, scale), *_terminal.repeated("--mark", mark)]
         _suggest_next(video, output, world if len(tracks) == 1 else None, phenomenon or "NAME", same)
 
 

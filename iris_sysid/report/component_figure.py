@@ -6,17 +6,17 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.patches import Patch
 
+from iris_sysid.report.component_colours import NOISE_COLOUR, SHADES, SIDE_COLOURS, shades_of
 from iris_sysid.report.diagnosis_text import share_text, size_text
 from iris_sysid.report.text import percent
 from iris_sysid.types import KIND_NAMES, Component, ComponentCurve, ComponentKind, Components, ComponentSide
 
 Colour = tuple[float, float, float]  # red, green, blue from 0 to 1
-# Okabe and Ito (2008), a colour for each side; further parts of a side are lighter
-COLOURS: dict[ComponentSide, str] = {"force": "#0072B2", "reading": "#D55E00", "clock": "#CC79A7", "input": "#E69F00"}
-NOISE = (0.73, 0.73, 0.73)
+NOISE = to_rgb(NOISE_COLOUR)
 MAX_CURVES = 2
 WIDTH_IN, HEIGHT_IN, LINE_IN = 9.0, 2.4, 0.22
 BAR_LINES = 1.5  # height of a bar in lines of its legend
@@ -27,7 +27,6 @@ AXES: dict[ComponentSide, str] = {
     "input": "input",
 }
 FORCES = {"m/s^2": "force per mass", "rad/s^2": "angular acceleration"}  # in a unit that is not one of force
-LIGHTER = 0.45  # the share of white that each further part of a side gets
 
 
 def component_figure(components: Components, remaining: Components | None = None) -> Figure:
@@ -74,14 +73,10 @@ def component_caption(components: Components, *, added: bool) -> str:
 
 def part_colours(parts: Sequence[Component]) -> dict[ComponentKind, Colour]:
     """A colour for each kind: that of its side, lighter for each further part of the same side."""
-    seen: dict[ComponentSide, int] = {}
     colours: dict[ComponentKind, Colour] = {}
-    for part in parts:
-        count = seen.get(part.side, 0)
-        seen[part.side] = count + 1
-        white = 1 - (1 - LIGHTER) ** count
-        base = np.array([int(COLOURS[part.side][k : k + 2], 16) / 255 for k in (1, 3, 5)])
-        red, green, blue = base + white * (1 - base)
+    for part, shade in zip(parts, shades_of([part.side for part in parts]), strict=True):
+        base, opacity = np.array(to_rgb(SIDE_COLOURS[part.side][0])), SHADES[shade]
+        red, green, blue = 1 - opacity * (1 - base)  # on white
         colours[part.kind] = (float(red), float(green), float(blue))
     return colours
 

@@ -20,6 +20,7 @@ from matplotlib.figure import Figure
 
 from iris_sysid.io.files import json_text
 from iris_sysid.report.chart import Chart
+from iris_sysid.report.component_colours import colour_style
 from iris_sysid.report.figures import equation_figure
 from iris_sysid.report.film import Film, base64_of
 from iris_sysid.report.glossary import TERMS, terms_in
@@ -195,7 +196,7 @@ def html_of(page: Page) -> str:
     )
     environment.filters |= {"typeset": typeset, "symbol": symbol_html, "sentence": as_sentence, "base64": base64_of}
     environment.globals["equation_svg"] = _equation_svg
-    style = _asset("uplot/uPlot.min.css") + _asset("page.css")
+    style = _asset("uplot/uPlot.min.css") + _asset("page.css") + colour_style()
     script = f"/*\n{_asset('uplot/LICENSE').strip()}\n*/\n{_asset('uplot/uPlot.iife.min.js')}\n{_asset('page.js')}"
     template = environment.get_template("page.html")
     content = {

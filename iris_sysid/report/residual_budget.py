@@ -8,12 +8,12 @@ import numpy as np
 
 from fitters.ode import FitRequest
 from iris_sysid.diagnosis.residual_components import components_of
+from iris_sysid.report.component_colours import shades_of
 from iris_sysid.report.diagnosis_text import MIN_SHARE, parts_sentence, share_text, size_text
 from iris_sysid.report.page import Bar
 from iris_sysid.report.text import percent
-from iris_sysid.types import KIND_NAMES, Components, ComponentSide, FitResult, Trajectory
+from iris_sysid.types import KIND_NAMES, Components, FitResult, Trajectory
 
-SHADES = ("", " second", " third")  # of the colour of a side, for its further parts
 DIAGNOSE = "To look for the effects behind it: iris-sysid diagnose."
 
 
@@ -66,12 +66,14 @@ def parts_bar(title: str, components: Components, scale: float = 1.0, noise: flo
     noise
         The share that is called noise, the rest of what no part explains being of unknown form; all of it by default.
     """
-    seen: dict[ComponentSide, int] = {}
-    parts = []
-    for part in components.parts:
-        colour = f"{part.side}{SHADES[min(seen.get(part.side, 0), len(SHADES) - 1)]}"
-        seen[part.side] = seen.get(part.side, 0) + 1
-        parts.append((f"{share_text(part)} {KIND_NAMES[part.kind]}", 100 * scale * max(part.share, 0.0), colour))
+    parts = [
+        (
+            f"{share_text(part)} {KIND_NAMES[part.kind]}",
+            100 * scale * max(part.share, 0.0),
+            f"{part.side} {shade}".strip(),
+        )
+        for part, shade in zip(components.parts, shades_of([part.side for part in components.parts]), strict=True)
+    ]
     noise = components.noise_share if noise is None else noise
     unknown = components.noise_share - noise
     if unknown > 0:

@@ -54,6 +54,11 @@ def rounded_to_error(value: float, stderr: float) -> tuple[str, str]:
     return f"{round(value, digits) + 0.0:.{max(digits, 0)}f}", f"{round(stderr, digits):.{max(digits, 0)}f}"
 
 
+def two_digits(size: float) -> str:
+    """A size above 0 with two digits, written out: ``0.000032``, ``120``; with an exponent only where it is extreme."""
+    return rounded_to_error(size, size)[1]
+
+
 def shown_unit(unit: str) -> tuple[str, float]:
     """The unit in which a reader gets a value, and the factor to it: degrees for radians, else the unit itself."""
     return DEGREES.get(unit, (unit, 1.0))

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from iris_sysid.errors import DataError
 from iris_sysid.review.edits import Confirm, Delete, Drop, Edit, Place, SplitTrack, Swap
 from iris_sysid.types import Array, Doubt, Mask, Track, TrackMark, TrackQuality, mapped
+from iris_sysid.video.empty_track import empty_track
 
 # columns of a track with a value for every frame, and their value in a frame without the body
 PER_FRAME: dict[str, Any] = {
@@ -109,21 +110,6 @@ def _without_ignored(track: Track, mark: TrackMark) -> Track:
     rows = np.arange(first, last + 1)
     rows = rows[~(edited_mask(track) & track.valid)[rows]]
     return _with_rows(track, rows, {**PER_FRAME, "edited": False})
-
-
-def empty_track(t_s: Array, frame: Whole, body: str) -> Track:
-    """A body that was found in no frame; times (n,) s and numbers of the frames (n,), dimensionless."""
-    n = len(t_s)
-    nothing = np.full((n, 2), np.nan)
-    return Track(
-        t_s=t_s,
-        xy_px=nothing,
-        sigma_px=nothing,
-        valid=np.zeros(n, dtype=np.bool_),
-        frame=np.asarray(frame, dtype=np.int64),
-        body=body,
-        edited=np.zeros(n, dtype=np.bool_),
-    )
 
 
 def edited_mask(track: Track) -> Mask:

@@ -112,6 +112,7 @@ def _open_run(folder: Path, clip: Path | None, calibration: Calibration | None) 
     session.keep_tracks(file, tracks)
     _begin(session, request)
     session.add_tracks_of(file)
+    session.mark_saved()
     return session
 
 

@@ -663,15 +663,16 @@ function showParts() {
   if (!clip.parts.length) return;
   const [pen, width, height] = sized($("parts-bar"));
   let from = 0;
-  const items = clip.parts.map((part, k) => {
-    const ink = part.name === "noise" ? colour("line") : COLOURS[(k + 5) % COLOURS.length];
-    pen.fillStyle = ink;
+  const items = clip.parts.map((part) => {
+    pen.fillStyle = part.inks[host.classList.contains("dark") ? 1 : 0];
+    pen.globalAlpha = part.opacity;
     pen.fillRect(from * width, 0, part.share * width, height);
+    pen.globalAlpha = 1;
     from += part.share;
     const item = document.createElement("li");
     const swatch = document.createElement("span");
     swatch.className = "swatch";
-    swatch.style.background = ink;
+    [swatch.style.background, swatch.style.opacity] = [pen.fillStyle, part.opacity];
     item.append(swatch, `${part.name} ${part.share < 0.005 ? "under 1" : Math.round(100 * part.share)} %`);
     return item;
   });

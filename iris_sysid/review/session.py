@@ -19,7 +19,7 @@ from iris_sysid.io.archives import member_of
 from iris_sysid.io.csv_read import read_track
 from iris_sysid.io.csv_write import write_track
 from iris_sysid.io.files import sha256_of
-from iris_sysid.review.corrected_tracks import Tracks, edited_mask, empty_track, in_frame_px, passes
+from iris_sysid.review.corrected_tracks import Tracks, edited_mask, in_frame_px, passes
 from iris_sysid.review.edits import BoardCorners, Edit, ScaleBar, Tracked
 from iris_sysid.review.fit_process import fitted_apart
 from iris_sysid.review.fit_queue import FitOutcome, FitQueue
@@ -28,6 +28,7 @@ from iris_sysid.review.log import LOG_NAME, Entry, LogWriter
 from iris_sysid.review.preview import MAX_FRAMES, thinned
 from iris_sysid.review.request import ReviewRequest
 from iris_sysid.types import Run, Track, TrackMark, TrackOptions
+from iris_sysid.video.empty_track import unfollowed
 from iris_sysid.video.frame_access import FrameAccess
 from iris_sysid.video.reader import Video, open_video
 
@@ -293,18 +294,11 @@ class Session:
         try:
             tracks = followed(video, request, options)
         except TrackingError:
-            if self.tracking.stop or self.state.tracks or not self.video.frame_times:
-                raise
-            self._add_tracks([self._nothing_found()])
+            nothing = None if self.tracking.stop or self.state.tracks else unfollowed(self.video)
+            if nothing is not None:
+                self._add_tracks(pipeline.from_source([nothing], self.clip, request.recorded()))
             raise
         return pipeline.from_source(tracks, self.clip, request.recorded(), complete=video.complete)
-
-    def _nothing_found(self) -> Track:
-        """A track without any position, so that a person can place them."""
-        times = np.array(self.video.frame_times)
-        later = np.concatenate([[True], np.diff(np.maximum.accumulate(times)) > 0])
-        nothing = empty_track(times[later], np.flatnonzero(later), "1")
-        return pipeline.from_source([nothing], self.clip, self.state.request.recorded())[0]
 
     def _progress(self, done: int, expected: int) -> None:
         self.tracking.done, self.tracking.expected = done, expected
@@ -355,9 +349,13 @@ class Session:
             if version != self.version:
                 raise BehindError(self.version)
             names = self._write(outcome)
-            self._log.add(Entry("save"), self.version)
-            self.saved_version = self.version
+            self.mark_saved()
             return names
+
+    def mark_saved(self) -> None:
+        """Write in the log that the folder holds the results of this version."""
+        self._log.add(Entry("save"), self.version)
+        self.saved_version = self.version
 
     def _write(self, outcome: FitOutcome | None) -> list[str]:
         if outcome is not None and outcome.run is not None:

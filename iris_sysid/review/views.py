@@ -13,6 +13,7 @@ from iris_sysid.errors import DataError
 from iris_sysid.io.json_documents import read_document
 from iris_sysid.io.schemas import DiagnosisDocument
 from iris_sysid.registry import PHENOMENA
+from iris_sysid.report.component_colours import NOISE_COLOUR, SHADES, SIDE_COLOURS, shades_of
 from iris_sysid.report.text import shown_estimates, shown_unit, verdict_lines, with_error
 from iris_sysid.report.typeset import typeset
 from iris_sysid.review.corrected_tracks import edited_mask, in_frame_px
@@ -108,8 +109,17 @@ def residual_parts(folder: Path) -> list[dict[str, Any]]:
         return []  # the parts are beside the point here: a damaged file must not keep the review from opening
     if components is None:
         return []
-    parts = [{"name": KIND_NAMES[part.kind], "share": part.share or 0.0} for part in components.parts]
-    return [*parts, {"name": "noise", "share": components.noise_share or 0.0}]
+    shades = shades_of([part.side for part in components.parts])
+    parts = [
+        _part(KIND_NAMES[part.kind], part.share, SIDE_COLOURS[part.side], SHADES[shade])
+        for part, shade in zip(components.parts, shades, strict=True)
+    ]
+    return [*parts, _part("noise", components.noise_share, (NOISE_COLOUR, NOISE_COLOUR), 1.0)]
+
+
+def _part(name: str, share: float | None, inks: tuple[str, str], opacity: float) -> dict[str, Any]:
+    """A part of the residual; ``inks`` on light and on dark paper."""
+    return {"name": name, "share": share or 0.0, "inks": inks, "opacity": opacity}
 
 
 def _track(track: Track) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from iris_sysid.types._discovery import DiscoveredTerm
 from iris_sysid.types._display import Shown, text_of, values_of
 from iris_sysid.types._model import Effect, EffectCause
 from iris_sysid.types._numbers import Estimate
-from iris_sysid.types._result import FitResult, relative_errors
+from iris_sysid.types._result import FitResult, imprecise, relative_errors
 from iris_sysid.types._verdict import Completeness, Doubt, Verdict, VerdictWord, times_text, worst_verdict
 
 UNEXPLAINED = 2.0  # residual / noise above which the model is incomplete: the noise estimate errs by less
@@ -185,15 +185,20 @@ class Diagnosis(Shown):
     def verdict(self) -> Verdict:
         """Whether the values with the effects can be used, and whether the equation with them is complete."""
         fits = worst_verdict(final.verdict for final in self.finals)
-        unsure = tuple(Doubt("several-names", self._names_text(name), SEVERAL_NAMES) for name in self._unsure())
-        word: VerdictWord = "doubtful" if unsure and fits.good else fits.word
         accuracy = {**fits.accuracy, **relative_errors(self.sizes, fits.accuracy)}  # a size allows for further effects
-        if not self.incomplete and self._lacking is None:
+        lacks = self.incomplete or self._lacking is not None
+        if lacks:
+            finding = f"the residual is {times_text(self.residual_ratio)} the noise"  # once, not of each fit as well
+            found, last = fits.number_reasons, [Doubt("incomplete", finding, INCOMPLETE)]
+            equation = self._incomplete_equation(fits.equation)
+        else:
+            found, last = fits.reasons, []
             equation = fits.equation and replace(fits.equation, residual_over_noise=self.residual_ratio)
-            return Verdict(word, (*fits.reasons, *unsure), equation, accuracy)
-        finding = f"the residual is {times_text(self.residual_ratio)} the noise"  # said once, not of each fit as well
-        reasons = (*fits.number_reasons, *unsure, Doubt("incomplete", finding, INCOMPLETE))
-        return Verdict(word, reasons, self._incomplete_equation(fits.equation), accuracy)
+        unsure = [Doubt("several-names", self._names_text(name), SEVERAL_NAMES) for name in self._unsure()]
+        if "imprecise" not in (doubt.kind for doubt in found):
+            unsure += imprecise(accuracy, complete=equation is None or equation.complete)
+        word: VerdictWord = "doubtful" if unsure and fits.good else fits.word
+        return Verdict(word, (*found, *unsure, *last), equation, accuracy)
 
     @property
     def _left(self) -> tuple[Component, ...]:

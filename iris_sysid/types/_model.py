@@ -131,6 +131,8 @@ class OdeModel(Portable):
     that the samples at ``t_s`` show. ``drive(t_s, inputs (n, m), params (p,))``, where given, returns the
     inputs (n, m) that really act at these times. With ``events``, ``state`` ends with the mode; see :class:`Event`.
     The last ``hidden`` states are those of effects: nothing observes them, and they begin at zero unless freed.
+    ``ties`` holds parameters that were taken out as expressions of the others, each name with its expression; they are
+    among the ``derived``.
     ``typical``, which every registered model has, says which values one meets, in words. ``example``, which every
     registered model has, is a motion for the contract tests.
     """
@@ -154,6 +156,7 @@ class OdeModel(Portable):
     drive: Callable[[Array, Array, Array], Array] | None = None
     events: tuple[Event, ...] = ()
     hidden: int = 0
+    ties: tuple[tuple[str, str], ...] = ()
     typical: str = ""
     example: ModelExample | None = None
 

@@ -28,8 +28,10 @@ from iris_sysid.types._verdict import (
 FitStatus = Literal["ok", "at-bound", "singular", "diverged", "too-short", "not-converged", "misfit"]
 USABLE: tuple[FitStatus, ...] = ("ok", "misfit", "at-bound", "singular")  # with estimates
 IMPRECISE = 0.2  # relative standard error above which a value of an incomplete equation is doubtful
+UNCERTAIN = 1 / 3  # of any equation: three standard errors then reach zero
 LITTLE_EXPLAINED = 0.9  # fraction of the motion's variance below which the values of an equation are doubtful
 SETTLE = "Diagnose it: what the equation lacks may move this value by that much"
+MORE_MOTION = "The motion says little about it: record more of the motion, or state another value that is known"
 ANOTHER = "Another equation may describe the motion: try --model auto, or look at the residual"
 
 
@@ -65,25 +67,30 @@ class FitProblem:
 def _verdict(
     status: FitStatus, reasons: tuple[Doubt, ...], equation: Completeness | None, accuracy: Mapping[str, float]
 ) -> Verdict:
-    """The verdict on a fit, with the reasons that follow from how little an incomplete equation explains."""
+    """The verdict on a fit, with the reasons that follow from its accuracy and what its equation explains."""
     if status not in USABLE:
         return Verdict("failed", reasons)
-    if equation is not None and not equation.complete:
-        reasons = (*reasons, *_doubts_of_incomplete(equation, accuracy))
+    complete = equation is None or equation.complete
+    reasons = (*reasons, *imprecise(accuracy, complete))
+    if equation is not None and not complete and equation.explained < LITTLE_EXPLAINED:
+        share = explained_percent(equation.explained)
+        little = Doubt("little-explained", f"the equation explains only {share} of the motion", ANOTHER)
+        reasons = (*reasons, little)
     verdict = Verdict("good", reasons, equation, accuracy)
     word: VerdictWord = "good" if status in ("ok", "misfit") and not verdict.number_reasons else "doubtful"
     return Verdict(word, reasons, equation, accuracy)
 
 
-def _doubts_of_incomplete(equation: Completeness, accuracy: Mapping[str, float]) -> list[Doubt]:
+def imprecise(accuracy: Mapping[str, float], complete: bool) -> tuple[Doubt, ...]:
+    """The doubt in the first value of :attr:`Verdict.accuracy` where its error is too large to use it; else none.
+
+    ``complete`` says whether the equation is.
+    """
     name, error = next(iter(accuracy.items()), ("", 0.0))
-    doubts = []
-    if error > IMPRECISE:
-        doubts.append(Doubt("imprecise", f"{name} is good to {relative_text(error)} only", SETTLE))
-    if equation.explained < LITTLE_EXPLAINED:
-        share = explained_percent(equation.explained)
-        doubts.append(Doubt("little-explained", f"the equation explains only {share} of the motion", ANOTHER))
-    return doubts
+    if not error > (UNCERTAIN if complete else IMPRECISE):
+        return ()
+    finding = f"{name.replace('_', ' ')} is good to {relative_text(error)} only"
+    return (Doubt("imprecise", finding, MORE_MOTION if complete else SETTLE),)
 
 
 def relative_errors(estimates: Mapping[str, Estimate], names: Iterable[str]) -> dict[str, float]:

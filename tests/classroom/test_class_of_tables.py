@@ -110,6 +110,8 @@ def test_teacher_is_compared_and_in_no_mean(tmp_path):
     assert len(result.groups) == 4
     assert not result.teacher.pooled
     assert "the teacher's own" in result.comparisons[0].text
+    own = result.comparisons[0].reference
+    assert own.interval == pytest.approx((own.value - 1.96 * own.stderr, own.value + 1.96 * own.stderr), rel=1e-3)
 
 
 def test_one_table_of_many_groups_is_a_class(tmp_path):

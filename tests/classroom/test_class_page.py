@@ -132,12 +132,14 @@ def test_workbook_holds_the_groups_as_text_and_numbers(tmp_path):
     book = python_calamine.CalamineWorkbook.from_path(tmp_path / "class.xlsx")
     head, *rows = book.get_sheet_by_name("groups").to_python()
     assert [row[0] for row in rows] == ODD
-    assert head[1:3] == ["length (m)", "standard error (m)"]
+    assert head[1:5] == ["length (m)", "standard error (m)", "95 % from", "95 % to"]
+    assert rows[5][3] < rows[5][1] < rows[5][4]
+    assert {row[head.index("numbers")] for row in rows} <= {"usable", "doubtful", "failed"}
     assert rows[5][1] == 0.62
     assert [row[head.index("in the mean")] for row in rows] == ["yes"] * 5 + ["no", "yes"]
     assert rows[6][head.index("what is wrong")].startswith("camera tilted")
     means = book.get_sheet_by_name("means").to_python()
-    assert means[1][:2] == ["length", "without outliers"]
+    assert [row[1] for row in means[1:3]] == ["without outliers", "with outliers"]
 
 
 def test_class_of_one_group_has_a_page_without_a_mean(tmp_path):

@@ -137,6 +137,28 @@ def test_outlier_of_a_class_leads_to_its_review(follow, pendulum_clip, tmp_path)
     assert commands(ran)[:2] == ["class", "review"]
 
 
+@pytest.fixture
+def still_clip(tmp_path):
+    """A clip in which nothing moves."""
+    return write_video(tmp_path / "still.mp4", noisy([np.full((96, 128), 128, np.uint8)] * 20, 2.0))
+
+
+@pytest.mark.parametrize("command", ["run", "track"])
+def test_clip_that_no_tracker_follows_leads_to_a_review(follow, still_clip, tmp_path, command):
+    given = ("--phenomenon", "pendulum", "--fps", "25.0", "--scale", "135px=1m")
+    ran = follow(command, still_clip, *given, "-o", tmp_path / "out" / "track.csv", status=1)
+    assert commands(ran) == [command, "review", "review"]  # the last goes on where the first was left
+    assert all(word in ran[1] for word in given)
+
+
+def test_clip_of_a_class_that_no_tracker_follows_leads_to_its_review(follow, still_clip, tmp_path):
+    write_class(tmp_path / "class", 4, faults={})
+    still_clip.rename(tmp_path / "class" / "group9.mp4")
+    ran = follow("class", tmp_path / "class", "--phenomenon", "pendulum", "-o", tmp_path / "out")
+    assert commands(ran)[:2] == ["class", "review"]
+    assert "<code>iris-sysid review" in (tmp_path / "out" / "class.html").read_text("utf-8")
+
+
 def test_clip_of_a_class_that_is_followed_but_not_fitted_leads_to_its_review(follow, tmp_path):
     write_class(tmp_path / "class", 4, faults={})
     fall = [discs((64.0, 8.0 + 200 * (k / 30) ** 2)) for k in range(20)]

@@ -54,6 +54,20 @@ def test_lmfit_expression_ties_a_parameter(clip, fitted):
     assert minimised.nvarys == len(fitted.free) - 1
 
 
+def test_lmfit_report_of_a_tied_fit_has_the_tied_value(clip, capsys):
+    tied = lmfit.create_params(length={"value": 0.4, "min": 0.1, "max": 2.0}, damping={"expr": "0.2 * length"})
+    result = fit(clip, "pendulum", parameters=tied)
+    minimizer = lmfit_minimizer(result, clip)
+    damping = minimizer.params["damping"]
+    assert (damping.expr, damping.value) == ("0.2 * length", pytest.approx(result.estimates["damping"].value))
+    assert damping.stderr == result.estimates["damping"].stderr
+    lmfit.report_fit(minimizer.params)
+    assert "== '0.2 * length'" in capsys.readouterr().out
+    minimised = minimizer.minimize()
+    assert minimised.params["damping"].value == pytest.approx(0.2 * minimised.params["length"].value)
+    assert minimised.nvarys == len(result.free)
+
+
 def test_lmfit_of_a_failed_fit_is_refused(clip, fitted):
     failed = replace(fitted, status="diverged")
     with pytest.raises(FitError, match="has no estimates to start from"):

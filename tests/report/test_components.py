@@ -6,6 +6,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from matplotlib.colors import to_rgb
 
 from iris_sysid import diagnose, to_html
 from iris_sysid.io.json_documents import read_document
@@ -16,6 +17,7 @@ from iris_sysid.report.diagnosis_charts import component_charts
 from iris_sysid.report.diagnosis_page import diagnosis_page, write_diagnosis
 from iris_sysid.report.diagnosis_text import diagnosis_sentence, diagnosis_sentences, parts_sentence
 from iris_sysid.report.page import html_of, png_of
+from iris_sysid.review.views import residual_parts
 from iris_sysid.types import Estimate, Finding, Quantity
 from tests._split_residuals import GROUP, LOCATED, OPEN, components, drag_part, dragged, split_diagnosis, wander_part
 
@@ -289,3 +291,13 @@ def test_file_holds_the_parts_the_findings_and_the_verdict_on_two_axes(split, tm
     assert content["nuisances"] == ["periodic-forcing"]
     assert document.verdict.equation.complete
     assert document.sentence == diagnosis_sentence(replace(split, nuisances=(EFFECTS["periodic-forcing"],)))
+
+
+def test_part_has_one_colour_in_figure_page_and_review(split, tmp_path):
+    html = write_diagnosis(split, dragged(), tmp_path).read_text("utf-8")
+    force, *_, noise = residual_parts(tmp_path)
+    light, dark = force["inks"]
+    assert f"--force: {light};" in html
+    assert f"--force: {dark};" in html
+    assert f"--grey: {noise['inks'][0]};" in html
+    assert part_colours(split.components.parts)["force-of-velocity"] == pytest.approx(to_rgb(light))

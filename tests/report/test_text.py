@@ -16,6 +16,7 @@ from iris_sysid.report.text import (
     main_names,
     rounded_to_error,
     samples_text,
+    two_digits,
     verdict_lines,
     with_error,
 )
@@ -58,6 +59,11 @@ TOO_SHORT = "The residual is too short to be split into parts."
 )
 def test_value_is_rounded_to_the_second_digit_of_its_error(value, stderr, expected):
     assert rounded_to_error(value, stderr) == expected
+
+
+@pytest.mark.parametrize(("size", "text"), [(3.2e-5, "0.000032"), (0.0144, "0.014"), (123.0, "120"), (1.0, "1.0")])
+def test_size_is_written_out_with_two_digits(size, text):
+    assert two_digits(size) == text
 
 
 def test_rounding_loses_less_than_a_twentieth_of_the_error():

@@ -196,8 +196,15 @@ def test_every_edit_is_on_disk_before_the_answer(page, session):
     page.edit("place", body="1", frame=50, x=1.0, y=2.0)
     page.step("undo")
     lines = [json.loads(line) for line in (session.folder / "review.jsonl").read_text().splitlines()]
-    assert [line.get("what") for line in lines] == [None, "edit", "edit", "undo"]
-    assert lines[2]["edit"]["x"] == 1.0
+    assert [line.get("what") for line in lines] == [None, "edit", "save", "edit", "undo"]
+    assert lines[3]["edit"]["x"] == 1.0
+
+
+def test_run_that_is_only_looked_at_counts_as_saved(page, session, opened):
+    assert session.saved_version == session.version
+    assert opened(session.folder).saved_version == session.version
+    page.edit("place", body="1", frame=50, x=1.0, y=2.0)
+    assert session.saved_version != session.version
 
 
 def test_review_that_died_goes_on_where_it_was(page, session, opened):
@@ -225,13 +232,13 @@ def test_line_that_was_cut_off_is_left_out_and_the_log_goes_on(page, session, op
 @pytest.mark.parametrize(
     ("line", "said"),
     [
-        ("{", "line 3, is damaged"),
-        ('{"what":"format"}', "line 3: what was done is 'format'"),
-        ('{"what":"edit","edit":{"kind":"tracked","file":"../../../etc/passwd"}}', "line 3: no edit: tracked.file"),
+        ("{", "line 4, is damaged"),
+        ('{"what":"format"}', "line 4: what was done is 'format'"),
+        ('{"what":"edit","edit":{"kind":"tracked","file":"../../../etc/passwd"}}', "line 4: no edit: tracked.file"),
         ('{"what":"edit","edit":{"kind":"tracked","file":"review-track-9.csv"}}', "cannot read"),
-        ('{"what":"edit","edit":{"kind":"drop","body":"9"}}', "line 3: there is no body '9'"),
-        ('{"what":"undo"}', "line 3: there is nothing to undo"),
-        ("[" * 30_000, "line 3, is damaged"),
+        ('{"what":"edit","edit":{"kind":"drop","body":"9"}}', "line 4: there is no body '9'"),
+        ('{"what":"undo"}', "line 4: there is nothing to undo"),
+        ("[" * 30_000, "line 4, is damaged"),
     ],
 )
 def test_damaged_log_is_refused_with_the_line(line, said, session):

@@ -62,12 +62,29 @@ def test_verdict_on_a_motion_that_the_equation_hardly_explains_is_doubtful():
     assert "little-explained" in [doubt.kind for doubt in verdict.number_reasons]
 
 
-def test_imprecise_value_of_an_incomplete_equation_is_doubtful():
-    result = fit(swing(strange=0.002), PENDULUM)
-    length = replace(result.estimates["length"], stderr=0.25 * result.estimates["length"].value)
+@pytest.mark.parametrize(
+    ("strange", "error", "remedy"),
+    [(0.002, 0.25, "Diagnose"), (0.0, 0.25, None), (0.0, 0.6, "record more"), (0.002, 0.6, "Diagnose")],
+)
+def test_value_with_a_large_error_is_doubtful(strange, error, remedy):
+    result = fit(swing(strange=strange), PENDULUM)
+    length = replace(result.estimates["length"], stderr=error * result.estimates["length"].value)
     verdict = replace(result, estimates={**result.estimates, "length": length}).verdict
-    assert verdict.word == "doubtful"
-    assert [doubt.kind for doubt in verdict.number_reasons] == ["imprecise"]
+    if remedy is None:
+        assert (verdict.word, verdict.number_reasons) == ("good", ())
+    else:
+        (doubt,) = verdict.number_reasons
+        assert (verdict.word, doubt.kind) == ("doubtful", "imprecise")
+        assert remedy in doubt.remedy
+        assert f"length is good to {100 * error:.0f} % only" in verdict.text
+
+
+def test_diagnosis_doubts_the_size_that_further_effects_may_move_far():
+    found = diagnose(swing(), PENDULUM, effects=[])
+    length = found.final.estimates["length"]
+    wide = replace(found, sizes={"length": replace(length, stderr=0.6 * length.value)})
+    assert (found.verdict.word, wide.verdict.word) == ("good", "doubtful")
+    assert [doubt.kind for doubt in wide.verdict.number_reasons] == ["imprecise"]
 
 
 def test_phenomenon_of_another_name_is_doubtful_and_its_equation_incomplete():

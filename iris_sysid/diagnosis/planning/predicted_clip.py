@@ -18,6 +18,7 @@ HIGHEST = 0.95  # lag-1 correlation of the noise that is allowed for
 MIN_VARIANCE = 1e-12  # relative variance below which a direction of today's values is known exactly
 ROUNDING = 1e-10  # relative singular value below which columns are parallel
 TOLERANCE = 1e-8
+DIVERGED = 1e100  # in observed units, and per unit of a value: beyond, squares in units of the noise overflow
 MAX_SAMPLES = 4000  # of a planned clip; more take longer and show nothing else
 EXACT = 1e-12  # noise over motion of data without noise
 OF_BODY = {"length": "length", "stiffness": "spring"}  # constants of the equation that a change of the body states
@@ -215,7 +216,7 @@ def predicted_clip(rival: Rival, design: Design, moved: Array | None = None) -> 
     seen, slopes = linearisation(
         composed, design.t_s, values, names, inputs=design.inputs, hold=design.hold, tolerance=TOLERANCE
     )
-    if not (np.all(np.isfinite(seen)) and np.all(np.isfinite(slopes))):
+    if not (np.all(np.abs(seen) < DIVERGED) and np.all(np.abs(slopes) < DIVERGED)):  # NaN is not
         return None
     columns = design.whitened(slopes)
     count = len(part.shared)
