@@ -235,7 +235,9 @@ def main() -> None:
     add_option(parser)
     options = parser.parse_args()
     with table("driven", options.write_docs):
-        print("| recording | samples | named | found (published) | free run | with published values | linear model | s |")
+        print(
+            "| recording | samples | named | found (published) | free run | with published values | linear model | s |"
+        )
         print("|---|---|---|---|---|---|---|---|")
         for rig in RIGS:
             if options.only in rig.name and (options.sealed or not rig.sealed):

@@ -9,7 +9,7 @@ from iris_sysid.types import Array, Effect, EffectExample, Parameter
 
 
 def observe(t_s: Array, observed: Array, velocity: Array, params: Array) -> Array:
-    """x + r (|x| - x): at r = 1 the size alone is read, and below that what is negative counts less.
+    """The reading x + r (|x| - x): at r = 1 the size alone is read, and below that what is negative counts less.
 
     ``observed`` and ``velocity`` (n, d): in the observed unit, and per second; ``params`` (k,).
     """
