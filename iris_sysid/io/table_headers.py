@@ -287,8 +287,8 @@ def columns_for(path: str | Path, quantities: Sequence[Quantity]) -> dict[str, s
         time = 0
     others = [k for k in numeric if k != time]
     outputs = [k for k in others if not INPUT.fullmatch(_plain(_taken_apart(titles[k])[0]))]
-    others = [f"{titles[k]:.60}" for k in outputs or others] or ["COLUMN"]
-    asked = {f"{each.name}[{each.unit}]": others[min(k, len(others) - 1)] for k, each in enumerate(quantities)}
+    shown = [f"{titles[k]:.60}" for k in outputs or others] or ["COLUMN"]
+    asked = {f"{each.name}[{each.unit}]": shown[min(k, len(shown) - 1)] for k, each in enumerate(quantities)}
     return {"t": f"{titles[time]:.60}", **asked}
 
 
