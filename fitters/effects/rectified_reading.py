@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fitters.effects.sensor_saturation import applies
+from fitters.effects._drives import tells_one_reading
 from iris_sysid.types import Array, Effect, EffectExample, Parameter
 
 
@@ -24,7 +24,7 @@ EFFECT = Effect(
     source="Wigren and Schoukens (2017), Coupled electric drives data set and reference models: a pulse counter",
     parameters=(Parameter("rectified_reading", "1", "r", lower=0.0, upper=1.5, default=0.0),),
     component="reading-of-position",
-    applies=applies,
+    applies=tells_one_reading,
     cause="measurement",
     plausibility=0.1,
     observe=observe,

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from fitters.effects._domain import on_a_line
-from fitters.effects._drives import is_driven
-from iris_sysid.types import Array, Effect, EffectExample, OdeModel, Parameter
+from fitters.effects._drives import tells_one_reading
+from iris_sysid.types import Array, Effect, EffectExample, Parameter
 
 QUANTILES = (0.98, 0.95, 0.9, 0.8, 0.7)  # of what was seen, tried as the upper end; the same from below as the lower
 
@@ -26,11 +25,6 @@ def trials(t_s: Array, observed: Array) -> list[tuple[float, ...]]:
     return [(float(np.nanquantile(seen, 1 - q)), float(np.nanquantile(seen, q))) for q in QUANTILES]
 
 
-def applies(model: OdeModel) -> bool:
-    """Where a known input tells what one sensor should have read."""
-    return is_driven(model) and on_a_line(model)
-
-
 EFFECT = Effect(
     name="sensor-saturation",
     summary="a sensor that reads the end of its range beyond it",
@@ -38,11 +32,11 @@ EFFECT = Effect(
     source="Tao and Kokotovic (1996), Adaptive Control of Systems with Actuator and Sensor Nonlinearities, chapter 2",
     parameters=(
         Parameter("sensor_saturation", "1", "c", lower=0.0, upper=1.5, default=0.0),
-        Parameter("sensor_low", "{x}", "x_l", default=-1.0, role="location"),
-        Parameter("sensor_high", "{x}", "x_h", default=1.0, role="location"),
+        Parameter("sensor_low", "{x}", "x_l", default=-0.01, role="location"),
+        Parameter("sensor_high", "{x}", "x_h", default=0.01, role="location"),
     ),
     component="reading-of-position",
-    applies=applies,
+    applies=tells_one_reading,
     cause="measurement",
     plausibility=0.1,
     observe=observe,
