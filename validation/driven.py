@@ -3,10 +3,11 @@
 ``python -m validation.driven [--only emps] [--sealed] [--seconds 300]`` needs the recordings in ``../shared/data``. The
 model of each rig has a known input and viscous friction; dry friction and an offset of the force are for the diagnosis
 to find, and in one row the viscous friction as well. Each row gives the values found, those published, and the error of
-a free simulation of the record by both, and by a linear model of the same order that was fitted to it. The record of an
-arm ends where it first comes near its upper rest. Some of the arms are sealed by a hash of the name
-(:func:`validation.world_recordings.sealed`): they are scored with ``--sealed``. The linear drive was in view; all arms
-have been since :mod:`validation.driven_arm`.
+a free simulation of the record by both, and by a linear model of the same order that was fitted to it. A second row has
+the terms of the authors, dry friction and an offset, in weak form, with the errors of its blocks: what the record says
+of these terms. The record of an arm ends where it first comes near its upper rest. Some of the arms are sealed by a
+hash of the name (:func:`validation.world_recordings.sealed`): they are scored with ``--sealed``. The linear drive was
+in view; all arms have been since :mod:`validation.driven_arm`.
 """
 
 from __future__ import annotations
@@ -18,36 +19,47 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fitters.ode import FitRequest
 from fitters.ode.fit_problem import check_columns
+from fitters.ode.weak_fit import weak_fit
 from iris_sysid import (
     EFFECTS,
     MODELS,
-    Diagnosis,
     FitOptions,
+    FitResult,
     OdeModel,
     Quantity,
     Trajectory,
     diagnose,
     fit,
     model_from_equation,
+    smooth,
     validate_fit,
     with_effects,
 )
-from iris_sysid.types import Array
+from iris_sysid.types import Array, Estimate
+from validation.pages import add_option, table
 from validation.world_recordings import sealed
 from validation.world_tables import WORLD, WORLD2, columns
 
 NAMED = ("coulomb-friction", "constant-force")  # what the published values are sizes of
 MOTOR_N_PER_V = 35.15
-SIZES = (("damping", "linear_drag", 1.0), ("dry", "coulomb_friction", 1.0), ("offset", "constant_force", -1.0))
-EVERY = 5  # samples of the linear drive that become one: 200 of 1000 a second
+SIZES = {  # what is published, the size of an effect per inertia, and its sign there
+    "damping": ("linear_drag", 1.0),
+    "dry": ("coulomb_friction", 1.0),
+    "offset": ("constant_force", -1.0),
+    "directional damping": ("directional_drag", 1.0),
+}
 ARM_FOLDER = WORLD / "tab-torque-pendulum"
 UPRIGHT_RAD = 0.2  # of the upper rest, in which an arm is held by dry friction or pushed by hand
 
 
 @dataclass(frozen=True, slots=True)
 class Rig:
-    """A recording, its model, and what its authors give: inertia, viscous and dry friction, constant force."""
+    """A recording, its model, and what its authors give: inertia, viscous and dry friction, constant force.
+
+    ``named`` are the effects of its model in :mod:`validation.driven_benchmarks`.
+    """
 
     name: str
     model: OdeModel
@@ -55,6 +67,7 @@ class Rig:
     published: Mapping[str, float]
     fixed: Mapping[str, float]
     in_view: bool = False
+    named: tuple[str, ...] = NAMED
 
     @property
     def sealed(self) -> bool:
@@ -68,19 +81,16 @@ class Rig:
 
 
 def linear_drive() -> Trajectory:
-    """Position (m) and voltage of a linear drive; the voltage is its mean over the samples that become one."""
+    """Position (m) and voltage of a linear drive at 1 kHz, as they were recorded."""
     table = np.loadtxt(WORLD2 / "tab-emps" / "emps.csv", delimiter=",")
-    whole = table[: len(table) // EVERY * EVERY]
-    t_s = np.arange(len(whole))[::EVERY] * 1e-3
-    voltage = whole[:, 3].reshape(-1, EVERY).mean(axis=1)
-    return record(t_s, whole[::EVERY, 0], Quantity("q", "m"), voltage, Quantity("u", "V"))
+    return record(np.arange(len(table)) * 1e-3, table[:, 0], Quantity("q", "m"), table[:, 3], Quantity("u", "V"))
 
 
 def arm(path: str, first: int) -> Trajectory:
     """Angle by the motor's encoder (rad) and the torque (N m); ``first`` is the column of the time."""
-    table = columns(ARM_FOLDER / path)
-    later = np.concatenate([[True], np.diff(np.maximum.accumulate(table[:, first])) > 0])
-    t_s, angle, _, torque = table[later, first : first + 4].T
+    rows = columns(ARM_FOLDER / path)
+    later = np.concatenate([[True], np.diff(np.maximum.accumulate(rows[:, first])) > 0])
+    t_s, angle, _, torque = rows[later, first : first + 4].T
     return record(t_s, angle, Quantity("theta", "rad"), torque, Quantity("u", "N m"))
 
 
@@ -122,6 +132,7 @@ RIGS = [
         {"mass": 95.1089, "damping": 203.5034, "dry": 20.3935, "offset": -3.1648},
         {"gain": MOTOR_N_PER_V},
         in_view=True,
+        named=("coulomb-friction", "directional-drag"),
     ),
     Rig(
         "emps-without-friction",
@@ -157,44 +168,62 @@ def dry_turnover(clip: Trajectory) -> float:
     return float(next(iter(trials(clip.t_s, clip.position)))[0])
 
 
-def found_values(rig: Rig, diagnosis: Diagnosis) -> dict[str, tuple[float, float]]:
+def found_values(rig: Rig, fitted: FitResult) -> dict[str, tuple[float, float]]:
     """The values found in the units of those published, each with its standard error."""
-    final = diagnosis.final
-    plain = {name: final.estimates[name] for name in rig.published if name in final.estimates}
-    found = {name: (estimate.value, estimate.stderr) for name, estimate in plain.items()}
-    by = final.estimates[rig.inertia].value
-    for name, effect, sign in SIZES:
-        if effect in diagnosis.sizes:
-            found[name] = (sign * by * diagnosis.sizes[effect].value, by * diagnosis.sizes[effect].stderr)
+    estimates = fitted.estimates
+    found = {name: (estimates[name].value, estimates[name].stderr) for name in rig.published if name in estimates}
+    by = estimates[rig.inertia].value
+    for name, (size, sign) in SIZES.items():
+        if size in estimates:
+            found[name] = (sign * by * estimates[size].value, by * estimates[size].stderr)
     return found
 
 
+def authors_terms(rig: Rig, clip: Trajectory) -> FitResult:
+    """The rig with dry friction and an offset: values of the weak form with block errors, a free run from them."""
+    model = with_effects(rig.model, NAMED)
+    fixed = {**rig.fixed, "coulomb_turnover": dry_turnover(clip)}
+    weak = weak_fit(FitRequest(smooth(clip), model, fixed))
+    if weak is None:
+        raise ValueError(f"{rig.name}: the weak form does not apply")
+    units = model.units()
+    known = {name: Estimate(weak.values[name], stderr, units[name]) for name, stderr in weak.stderr.items()}
+    return fit(clip, model, fixed={**fixed, **known}, options=FitOptions(discrepancy=False))
+
+
 def line(rig: Rig, seconds: float | None) -> str:
-    """One row of the table."""
+    """The rows of a rig."""
     clip = rig.read()
     check_columns(clip, rig.model)
     begin = time.process_time()
     diagnosis = diagnose(clip, rig.model, fixed=rig.fixed, seconds=seconds)
     spent = time.process_time() - begin
-    found = found_values(rig, diagnosis)
-    values = ", ".join(
-        f"{name} {found[name][0]:.4g} ± {found[name][1]:.2g} ({rig.published[name]:.4g})"
-        for name in rig.published
-        if name in found
-    )
     validation = validate_fit(diagnosis.final, clip, clip)
-    linear = "" if validation.linear is None else f"{validation.linear.rms[0]:.3g}"
-    cells = (
+    cells = [
         f"{rig.name}{' (sealed)' if rig.sealed else ''}",
         f"{clip.n}",
         ", ".join(effect.name for effect in diagnosis.added) or "nothing",
-        values,
+        beside_published(rig, diagnosis.final),
         f"{validation.rms[0]:.3g}",
         f"{published_fit(rig, clip):.3g}",
-        linear,
+        "" if validation.linear is None else f"{validation.linear.rms[0]:.3g}",
         f"{spent:.0f}",
-    )
-    return f"| {' | '.join(cells)} |"
+    ]
+    rows = [cells]
+    if "damping" in rig.model.units():
+        theirs = authors_terms(rig, clip)
+        found = beside_published(rig, theirs)
+        rows.append([f"{rig.name}, authors' terms", "", "given", found, f"{theirs.rms[0]:.3g}", "", "", ""])
+    return "\n".join(f"| {' | '.join(row)} |" for row in rows)
+
+
+def beside_published(rig: Rig, fitted: FitResult) -> str:
+    """The values of a fit with their standard errors, each beside the one published, if there is one."""
+    said = []
+    for name, (value, stderr) in found_values(rig, fitted).items():
+        published = f" ({rig.published[name]:.4g})" if name in rig.published else ""
+        said.append(f"{name} {value:.4g} ± {stderr:.2g}{published}")
+    return ", ".join(said)
 
 
 def main() -> None:
@@ -203,15 +232,19 @@ def main() -> None:
     parser.add_argument("--only", default="", help="only recordings whose name contains this")
     parser.add_argument("--sealed", action="store_true", help="score the sealed recordings as well")
     parser.add_argument("--seconds", type=float, help="after which a diagnosis gives its best answer so far")
+    add_option(parser)
     options = parser.parse_args()
-    print("| recording | samples | named | found (published) | free run | with published values | linear model | s |")
-    print("|---|---|---|---|---|---|---|---|")
-    for rig in RIGS:
-        if options.only in rig.name and (options.sealed or not rig.sealed):
-            try:
-                print(line(rig, options.seconds), flush=True)
-            except Exception as error:  # a row that fails is a row
-                print(f"| {rig.name} | | failed: {error!s:.200} | | | | | |", flush=True)
+    with table("driven", options.write_docs):
+        print(
+            "| recording | samples | named | found (published) | free run | with published values | linear model | s |"
+        )
+        print("|---|---|---|---|---|---|---|---|")
+        for rig in RIGS:
+            if options.only in rig.name and (options.sealed or not rig.sealed):
+                try:
+                    print(line(rig, options.seconds), flush=True)
+                except Exception as error:  # a row that fails is a row
+                    print(f"| {rig.name} | | failed: {error!s:.200} | | | | | |", flush=True)
 
 
 if __name__ == "__main__":

@@ -44,7 +44,7 @@ from iris_sysid.io.files import sha256_of
 from iris_sysid.io.sealed_record import counted, log_look, model_hash
 from iris_sysid.types import Array
 from validation.black_boxes import linear, narx, sindy_with_inputs
-from validation.driven import NAMED, RIGS, Rig, dry_turnover, published_fit
+from validation.driven import RIGS, Rig, dry_turnover, published_fit
 from validation.pages import RESULTS, add_option, table
 from validation.world_tables import WORLD
 
@@ -156,9 +156,9 @@ def values_of(fitted: FitResult, model: OdeModel) -> dict[str, float]:
 
 
 def fitted_rig(rig: Rig, records: Sequence[Trajectory]) -> Frozen:
-    """A rig with dry friction and an offset of its force; the weak form gives the start."""
+    """A rig with the effects that its diagnosis names; the weak form gives the start."""
     (record,) = records
-    model = with_effects(rig.model, NAMED)
+    model = with_effects(rig.model, rig.named)
     fixed = {**rig.fixed, "coulomb_turnover": dry_turnover(record)}
     weak = weak_fit(FitRequest(smooth(record), model, fixed))
     start = {} if weak is None else {name: weak.values[name] for name in weak.stderr}

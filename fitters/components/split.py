@@ -161,10 +161,10 @@ class Split:
         search = self.search
         explanations = search.explanations()
         shares = [self._shares(key) for key, _ in explanations]
-        best, explained = shares[0].share, shares[0].total
-        factor = explained / max(sum(best.values()), 1e-300)  # a share below zero was set to zero
+        best, share_of, explained = explanations[0][0], shares[0].share, shares[0].total
+        factor = explained / max(sum(share_of.values()), 1e-300)  # a share below zero was set to zero
         rms, motion = _sizes(self.layout.clips)
-        parts = [self._component(_kind(name), factor * share, shares, rms) for name, share in best.items()]
+        parts = [self._component(_kind(name), best, factor * share, shares, rms) for name, share in share_of.items()]
         return Components(
             tuple(sorted(parts, key=lambda part: -part.share)),
             1.0 - explained,
@@ -186,7 +186,10 @@ class Split:
         ordered = tuple(order)
         return shares_of(self.plain, self.search.products, ordered, self.search.variances(ordered))
 
-    def _component(self, kind: ComponentKind, share: float, shares: Sequence[Shares], rms: float) -> Component:
+    def _component(
+        self, kind: ComponentKind, best: Key, share: float, shares: Sequence[Shares], rms: float
+    ) -> Component:
+        """A component of the best set, which is given: while its parts are compared another one may come out better."""
         basis = next(each for each in self.bases if each.kind == kind)
         return Component(
             kind,
@@ -197,15 +200,14 @@ class Split:
             ),
             rms * float(np.sqrt(share)),
             self.search.probability(kind),
-            self._curve(basis),
-            self._at(basis),
-            self._similar(kind),
+            self._curve(basis, best),
+            self._at(basis, best),
+            self._similar(kind, best),
         )
 
-    def _similar(self, kind: ComponentKind) -> tuple[ComponentKind, ...]:
+    def _similar(self, kind: ComponentKind, best: Key) -> tuple[ComponentKind, ...]:
         """The kinds that can take the place of one in the best set: as likely, or explaining nearly as much."""
-        best, found = self.search.top(), []
-        rest = [each for each in best if each != kind]
+        found, rest = [], [each for each in best if each != kind]
         whole, without = (self._explained(tuple(key)) for key in (best, rest))
         for other in [each for each in self.search.free if each not in best]:
             key = tuple(sorted([*rest, other]))
@@ -219,21 +221,20 @@ class Split:
         self.search.evidence(key)
         return explained(self.plain, self.search.products, self.search.variances(tuple(sorted(key))))
 
-    def _at(self, basis: Basis) -> Estimate | None:
+    def _at(self, basis: Basis, best: Key) -> Estimate | None:
         """The moment of a pulse, or the frequency of a periodic force, within half of a step of what was tried."""
         if basis.choices is None:
             return None
         choices = np.unique(basis.choices)
-        value = float(choices[self.search.found[self.search.top()].chosen[basis.kind]])
+        value = float(choices[self.search.found[best].chosen[basis.kind]])
         step = float(np.median(np.diff(choices))) if choices.size > 1 else value
         return Estimate(value, 0.5 * step, "s" if basis.kind == "pulse" else "Hz", "fitted", "components")
 
-    def _curve(self, basis: Basis) -> ComponentCurve | None:
+    def _curve(self, basis: Basis, best: Key) -> ComponentCurve | None:
         """The component over its argument, without the directions that the fitted values imitate."""
         if basis.curve is None or basis.at is None:
             return None
-        products, best = self.search.products, self.search.top()
-        variances = self.search.variances(best)
+        products, variances = self.search.products, self.search.variances(best)
         columns, mean, covariance = variances.coefficients(products)
         group = variances.groups[best.index(basis.kind)][: basis.curve.shape[2]]
         inside = np.flatnonzero(np.isin(columns, group))

@@ -6,12 +6,18 @@ from collections.abc import Callable
 
 import numpy as np
 
+from fitters.effects._domain import on_a_line
 from iris_sysid.types import Array, OdeModel, Parameter, picklable
 
 
 def is_driven(model: OdeModel) -> bool:
     """Whether the model has a known input."""
     return bool(model.inputs)
+
+
+def tells_one_reading(model: OdeModel) -> bool:
+    """Whether a known input tells what the one sensor should read."""
+    return is_driven(model) and on_a_line(model)
 
 
 def which_parameter(name: str) -> Parameter:

@@ -137,19 +137,21 @@ def diagnose(
     search = StepwiseSearch(cache)
     components = components_of(clips, base.fits)
     kept = kept_effects(components, keep, model)
-    world = OpenWorld(cache.for_search(), components)
+    every = world = OpenWorld(cache, components)
     stopped = []
     answer, judgement = None, Judgement(base, (), {})
     try:
         budget.allow(SEARCH_SHARE)
-        judgement = world.judged()
+        driven = every.in_weak_form()  # windows of all samples cost little
+        world = OpenWorld(cache.for_search(), components) if driven is None else every
+        judgement = driven or world.judged()
     except STOPPED as why:
         judgement = world.so_far()
         stopped.append(budget.note(why))
     try:
         budget.allow(1.0)
         start = None if stopped else _complete_start(cache, world, _with_all_samples(cache, judgement.model))
-        if start is not None and not (every := OpenWorld(cache, components)).rests_on_imitation(start):
+        if start is not None and not every.rests_on_imitation(start):
             search.run(start, extend=_residual_ratio(start, base) <= COMPLETE)
             if _is_complete(clips, search.reached[-1], base):
                 answer = _of_complete(cache, every, world, search.reached)
@@ -329,8 +331,9 @@ def _of_open(cache: FitCache, world: OpenWorld, judgement: Judgement) -> _Answer
         judgement = Judgement(world.shares.base, (), {})
     order = {effect.name: k for k, effect in enumerate(judgement.model.effects)}
     final = replace(final, effects=tuple(sorted(final.effects, key=lambda effect: order[effect.name])))
+    follows = _residual_ratio(final, cache.base) <= NOISE_UNSURE
     finals = tuple(
-        _in_weak_form(cache.clips[k], fitted, judgement.weak[k])
+        _in_weak_form(cache.clips[k], fitted, judgement.weak[k], follows)
         if judgement.weak
         else _in_open_world(world, judgement, fitted, k, cache.clips[k])
         for k, fitted in enumerate(final.fits)
@@ -380,19 +383,21 @@ def _with_all_samples(cache: FitCache, judged: ModelWithEffects) -> ModelWithEff
     return final if final.usable else cache.base
 
 
-def _in_weak_form(clip: FitRequest, fitted: FitResult, values: Mapping[str, tuple[float, float]]) -> FitResult:
-    """The free run with the values of the weak form and their errors as a prior.
+def _in_weak_form(
+    clip: FitRequest, fitted: FitResult, values: Mapping[str, tuple[float, float]], follows: bool
+) -> FitResult:
+    """The free run with the values of the weak form and their errors, as a prior where it ``follows`` the data.
 
-    What is missing of a force errs each window by itself, but adds up in a free run: that knows far less of most
-    values, and its weight is what its correlated residual is worth. As both are of one record, errors are a little
-    small.
+    What is missing of a force errs each window by itself, but adds up in a free run, whose residual is then correlated
+    from end to end: no error of its values can be told from one record, and they are worse. There only its start is
+    fitted. As both are of one record, errors beside a prior are a little small.
     """
     known = {
         name: replace(fitted.estimates[name], value=value, stderr=error, ci95=None)
         for name, (value, error) in values.items()
     }
-    start = {name: fitted.estimates[name].value for name in fitted.model.initial_names}
-    run = solve(clip.with_(model=fitted.model, fixed={**clip.fixed, **known}, free=[*known]).from_near(start))
+    start, free = {name: fitted.estimates[name].value for name in fitted.model.initial_names}, [*known] * follows
+    run = solve(clip.with_(model=fitted.model, fixed={**clip.fixed, **known}, free=free).from_near(start))
     return run if run.usable else fitted
 
 

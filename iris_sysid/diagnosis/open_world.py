@@ -78,9 +78,6 @@ class OpenWorld:
         """Search for the effects that predict, and say what each is."""
         if not self.shares.testable:
             return Judgement(self._cache.base, (), {})
-        driven = self._in_weak_form()
-        if driven is not None:
-            return driven
         current = self._search.run()
         named = self._named_absorbing(current)
         self.shares.trust(named)
@@ -88,11 +85,13 @@ class OpenWorld:
         findings = [self._finding(current, effect, tuple(rivals[effect.name]), named) for effect in current.effects]
         return Judgement(current, self.surviving(current, findings), rivals)
 
-    def _in_weak_form(self) -> Judgement | None:
+    def in_weak_form(self) -> Judgement | None:
         """What the weak form of a driven motion says, whose free run is far off; None where it says nothing.
 
         It is the largest set with a free run of possible sizes: in short windows an effect may fit that cannot be.
         """
+        if not self.shares.testable:
+            return None
         for found in self._cache.weak.grown(self._cache.base, MAX_EFFECTS):
             model = self._cache.with_added(self._cache.base, self._cache.weak.candidate(found))
             if self.shares.allows(model):

@@ -3,7 +3,8 @@
 Where an input drives a body against what its equation lacks, the free run leaves the data, and neither its residual nor
 first-order tests along it tell what is missing. In weak form each window errs by itself (:mod:`fitters.ode.weak_fit`):
 effects are added one by one while they remove a good part of what remains. The free run of the sets that come out of it
-then decides, over blocks left out, as everywhere.
+then decides, over blocks left out, as everywhere. All samples of a long record count: its first ones may hold no
+reversal. Only what has a memory, which is followed from sample to sample, must first be the best in those.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import numpy as np
 from fitters.effect_sensitivity import forces_along
 from fitters.ode import FitRequest
 from fitters.ode.weak_fit import WeakFit, is_observed, weak_fit, weak_gains
+from iris_sysid.diagnosis.block_means import DRIVEN, at_samples
 from iris_sysid.diagnosis.evidence import DECISIVE
 from iris_sysid.diagnosis.held_out_blocks import ALIKE, MIN_SHARE, SURE, BlockErrors, wins
 from iris_sysid.diagnosis.library import EffectLibrary, is_sensible
@@ -96,6 +98,9 @@ class WeakRanking:
     def __init__(self, clips: Sequence[FitRequest], model: OdeModel, library: EffectLibrary) -> None:
         self._clips, self._model, self._library = clips, model, library
         self._found: dict[frozenset[str], list[WeakSet]] = {}
+        first = [_first_samples(clip) for clip in clips]
+        long = any(part is not whole for part, whole in zip(first, clips, strict=True))
+        self._short = WeakRanking(first, model, library) if long else None
 
     def grown(self, base: ModelWithEffects, most: int) -> list[WeakSet]:
         """Sets of effects that each remove a good part of what remained: the largest, then without its last effect.
@@ -176,6 +181,8 @@ class WeakRanking:
         return self._found[key]
 
     def _added(self, current: WeakSet, effect: Effect) -> WeakSet | None:
+        if effect.memory and self._short is not None:
+            return self._remembering(self._short, current, effect)
         clip = self._clips[0].trajectory
         valid = np.flatnonzero(clip.valid)
         given = clip.inputs_at(clip.t_s[valid])
@@ -192,6 +199,15 @@ class WeakRanking:
         if effect.memory:  # a slow or a long memory is any slow force
             fitted = [each for each in fitted if is_sensible(effect, clip.t_s[valid], each.fits[0].values)]
         return min(fitted, key=lambda each: each.squares, default=None)
+
+    def _remembering(self, short: WeakRanking, current: WeakSet, effect: Effect) -> WeakSet | None:
+        """The set with an effect with a memory, where that is the best in the first samples: it is slow to follow."""
+        before = short._of(current.effects, [fit.values for fit in current.fits])
+        best = None if before is None else next(iter(short._longer(before)), None)
+        if before is None or best is None or best.names[-1] != effect.name or not _is_better(best, before):
+            return None
+        whole = self._of(best.effects, [fit.values for fit in best.fits])
+        return whole if whole is not None and self._library.allows(self.candidate(whole)) else None
 
     def _nearest(
         self, current: WeakSet, effect: Effect, shapes: Sequence[tuple[float, ...]]
@@ -218,6 +234,14 @@ class WeakRanking:
                 return None
             fits.append(found)
         return WeakSet(tuple(effects), tuple(fits))
+
+
+def _first_samples(clip: FitRequest) -> FitRequest:
+    """The request with its first DRIVEN samples, where it has twice as many; else as it is."""
+    used = np.flatnonzero(clip.trajectory.valid)
+    if clip.trajectory.inputs is None or used.size < 2 * DRIVEN:
+        return clip
+    return clip.with_(trajectory=at_samples(clip.trajectory, used[:DRIVEN]))
 
 
 def _acts(effect: Effect) -> bool:

@@ -269,7 +269,7 @@ def _stated_time(cells: Cells, titles: Sequence[str], stated: Mapping[str, str])
 
 
 def columns_for(path: str | Path, quantities: Sequence[Quantity]) -> dict[str, str]:
-    """An example of the columns of a table that hold some quantities: its own titles, in their order.
+    """An example of the columns of a table that hold some quantities: its own titles, in their order, without inputs.
 
     Parameters
     ----------
@@ -285,8 +285,10 @@ def columns_for(path: str | Path, quantities: Sequence[Quantity]) -> dict[str, s
         time = _time(cells, titles, numeric).column
     except DataError:
         time = 0
-    others = [f"{titles[k]:.60}" for k in numeric if k != time] or ["COLUMN"]
-    asked = {f"{each.name}[{each.unit}]": others[min(k, len(others) - 1)] for k, each in enumerate(quantities)}
+    others = [k for k in numeric if k != time]
+    outputs = [k for k in others if not INPUT.fullmatch(_plain(_taken_apart(titles[k])[0]))]
+    shown = [f"{titles[k]:.60}" for k in outputs or others] or ["COLUMN"]
+    asked = {f"{each.name}[{each.unit}]": shown[min(k, len(shown) - 1)] for k, each in enumerate(quantities)}
     return {"t": f"{titles[time]:.60}", **asked}
 
 

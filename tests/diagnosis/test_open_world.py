@@ -127,9 +127,9 @@ def test_what_fits_in_short_windows_and_cannot_be_leaves_what_was_found_before_i
     world = OpenWorld.__new__(OpenWorld)
     weak = SimpleNamespace(grown=lambda base, most: sets, candidate=lambda found: found)
     world._cache = SimpleNamespace(base=None, weak=weak, with_added=lambda base, candidate: candidate)
-    world.shares = SimpleNamespace(allows=lambda model: len(model.effects) < 2)
+    world.shares = SimpleNamespace(allows=lambda model: len(model.effects) < 2, testable=True)
     world._of_weak = lambda found, model: found
-    assert world._in_weak_form() is sets[1]
+    assert world.in_weak_form() is sets[1]
 
 
 def _predicting(error: float, *names: str) -> SimpleNamespace:

@@ -33,7 +33,8 @@ def test_effects_that_only_take_away_have_no_size_below_zero():
     frictions = ["coulomb-friction", "linear-drag", "quadratic-drag", "velocity-weakening-friction"]
     limits = ["input-backlash", "input-dead-zone", "input-saturation"]
     memories = ["hidden-mode", "hysteresis", "presliding"]
-    assert sorted(ONE_SIDED) == sorted([*frictions, *limits, *memories, "leak", "overflow"])
+    readings = ["rectified-reading", "sensor-saturation"]
+    assert sorted(ONE_SIDED) == sorted([*frictions, *limits, *memories, *readings, "leak", "overflow"])
 
 
 def test_throw_that_gains_energy_gets_a_note_and_no_drag():

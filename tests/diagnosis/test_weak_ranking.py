@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from fitters.ode import FitRequest
 from iris_sysid import Trajectory, diagnose, model_from_equation
+from iris_sysid.diagnosis.block_means import DRIVEN
+from iris_sysid.diagnosis.weak_ranking import _first_samples
 from validation.driven_speed import CART as SPRUNG
 from validation.driven_speed import DRY as DRY_FORCE
 from validation.driven_speed import MASS as SPRUNG_MASS
@@ -60,3 +63,10 @@ def test_dry_friction_is_not_taken_for_a_form_of_it_with_one_more_value():
     found = diagnose(record(2000), SPRUNG)
     assert [effect.name for effect in found.added] == ["coulomb-friction"]
     assert found.sizes["coulomb_friction"].value == pytest.approx(DRY_FORCE / SPRUNG_MASS, rel=0.05)
+
+
+@pytest.mark.parametrize(("samples", "kept"), [(2 * DRIVEN - 1, 2 * DRIVEN - 1), (2 * DRIVEN, DRIVEN)])
+def test_a_memory_is_looked_for_in_the_first_samples_of_a_long_record(samples, kept):
+    t_s, zero = np.arange(samples) * STEP_S, np.zeros((samples, 1))
+    clip = Trajectory(t_s, CART.observed, zero, zero * np.nan, np.ones(samples, bool), CART.inputs, zero)
+    assert _first_samples(FitRequest(clip, CART)).trajectory.valid.sum() == kept

@@ -5,6 +5,7 @@ import pytest
 
 from fitters.components import ClipResidual, marginal, split
 from fitters.components.noisy_residual import NoisyResidual
+from fitters.components.split import searched
 from fitters.effect_sensitivity import motion_of
 from fitters.ode import fit
 from iris_sysid.registry import MODELS
@@ -128,3 +129,12 @@ def test_values_beside_components_have_errors_that_cover_the_truth():
     stderr = np.hypot(np.sqrt(covariance[0, 0]), shift[0])
     assert abs(length - VALUES["length"]) < 3 * stderr
     assert marginal(residual_of(swing())) is None
+
+
+def test_a_set_that_comes_out_better_while_the_parts_are_written_does_not_take_the_place_of_the_first():
+    found = searched([residual_of(swing(quadratic) + wander(T_S))])
+    key = ("reading-of-position", "zero-wander")  # with the wrong one: exchanges of it are better
+    found.search.evidence(key)
+    found.search.found = {key: found.search.found[key]}
+    assert {part.kind for part in found.components().parts} == set(key)
+    assert found.search.top() != key

@@ -72,6 +72,25 @@ def cogs():
     return integrated(slopes)[0]
 
 
+def uneven(forward=0.75, backward=0.45):
+    """A worn guide: the viscous friction (N s/m) differs by the direction."""
+
+    def slopes(t, state):
+        friction = forward if state[1] > 0 else backward
+        return state[1], (smooth(t) - friction * state[1] - PLANT["stiffness"] * state[0]) / PLANT["mass"]
+
+    return integrated(slopes)[0]
+
+
+def clipped(low=-0.06, high=0.05):
+    return np.clip(oscillator(smooth), low, high)
+
+
+def unsigned(share=0.2):
+    position = oscillator(smooth)
+    return position + share * (np.abs(position) - position)
+
+
 @dataclass(frozen=True)
 class Case:
     name: str
@@ -89,6 +108,9 @@ CASES = [
     Case("input-saturation", cut, 1.0, shape=(0.8, 0.0), others={"saturation_level": 0.8}),
     Case("input-backlash", loose, 0.4),
     Case("cogging", cogs, 0.3, CART, shape=(20.0, 0.5), others={"cogging_waves": 20.0}, near=False),
+    Case("directional-drag", uneven, 0.3, others={"damping": 0.6}),
+    Case("sensor-saturation", clipped, 1.0, shape=(-0.055, 0.045), others={"sensor_low": -0.06, "sensor_high": 0.05}),
+    Case("rectified-reading", unsigned, 0.2),
 ]
 each = pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
 MADE: dict[str, Trajectory] = {}

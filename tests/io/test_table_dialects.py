@@ -8,9 +8,9 @@ from contextlib import suppress
 import numpy as np
 import pytest
 
-from iris_sysid import read_trajectory
+from iris_sysid import Quantity, read_trajectory
 from iris_sysid.errors import DataError
-from iris_sysid.io.table_headers import parse_columns
+from iris_sysid.io.table_headers import columns_for, parse_columns
 
 LONG = 100_000
 T_S = np.round(np.arange(12) * 0.04, 2)
@@ -228,3 +228,8 @@ def test_long_cell_is_read_or_refused_in_time_that_grows_with_its_length(tmp_pat
     with suppress(DataError):
         read_trajectory(tmp_path / "t.csv")
     assert time.process_time() - start < 2.0  # minutes where it grew with the square
+
+
+def test_columns_that_are_shown_as_an_example_are_outputs_not_inputs(tmp_path):
+    (tmp_path / "t.csv").write_text("t_s,u_V,y_V\n0,1,0\n1,1,1\n2,1,2\n")
+    assert columns_for(tmp_path / "t.csv", [Quantity("z", "m")]) == {"t": "t_s", "z[m]": "y_V"}
