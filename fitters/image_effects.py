@@ -14,7 +14,7 @@ ROUNDS = 2  # of the fixed point for pivot and lever; each gains the size of the
 
 
 def offered(effects: Iterable[Effect], model: OdeModel, clips: Sequence[Trajectory]) -> list[Effect]:
-    """The effects that make sense for the model, and that the sensors of all clips can have.
+    """The effects that make sense for the model, that all sensors can have, and that not all clips have measured.
 
     Parameters
     ----------
@@ -26,7 +26,8 @@ def offered(effects: Iterable[Effect], model: OdeModel, clips: Sequence[Trajecto
         What it is fitted to.
     """
     sensors = {sensor_of(clip, model) for clip in clips}
-    return [effect for effect in effects if sensors <= effect.sensors and effect.applies(model)]
+    possible = [effect for effect in effects if sensors <= effect.sensors and effect.applies(model)]
+    return [effect for effect in possible if not all(effect.measured & clip.geometry.keys() for clip in clips)]
 
 
 def sensor_of(clip: Trajectory, model: OdeModel) -> Sensor:

@@ -44,6 +44,7 @@ EFFECT = Effect(
     cause="measurement",
     plausibility=0.2,
     sensors=frozenset({"camera", "unknown", "encoder"}),  # of an encoder, a disc that is off its axis
+    measured=frozenset({"pivot_across", "pivot_along"}),  # a circle through the arc of a film
     observe=observe,
     alike="camera-tilt; zero-offset, for small swings; the pivot of the model, where that is estimated",
     trials=trials,

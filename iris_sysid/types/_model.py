@@ -269,7 +269,8 @@ class Effect(Portable):
     shows what a perfect one would show at ``points_px``; the :class:`View` says how coordinates lie in the picture.
     ``warp(t_s, params)`` returns the times (n,) at which the motion really was.
     ``drive(t_s, inputs (n, m), params)`` returns what acts of the known inputs (n, m).
-    ``applies(model)`` says whether the effect makes sense for a model, ``sensors`` which sensors can have it.
+    ``applies(model)`` says whether the effect makes sense for a model, ``sensors`` which sensors can have it. Where all
+    clips have ``measured`` one of these quantities of their geometry, its error stands in the equation already.
     ``cause`` says where it comes from: the ``physics`` of the motion, its ``measurement`` (camera, scale, zero of a
     sensor), or the ``clock``.
     ``plausibility`` are its odds, before the data, against plain drag (1): where the data cannot tell effects apart,
@@ -306,6 +307,7 @@ class Effect(Portable):
     warp: Callable[[Array, Array], Array] | None = None
     drive: Callable[[Array, Array, Array], Array] | None = None
     sensors: frozenset[Sensor] = ANY_SENSOR
+    measured: frozenset[str] = frozenset()
     alike: str = ""
     typical: str = ""
     trials: Callable[[Array, Array], Sequence[tuple[float, ...]]] | None = None

@@ -104,6 +104,14 @@ def test_clips_of_different_sensors_get_what_all_of_them_can_have():
     assert not {effect.name for effect in offered(EFFECTS.values(), model, clips)} & {*CAMERA_EFFECTS, "zero-drift"}
 
 
+def test_pivot_that_all_clips_have_measured_is_not_wrong_as_well():
+    model = MODELS["pendulum"]
+    across = {"pivot_across": Estimate(0.0, 1e-4, "1", "fitted")}
+    filmed, typed = (table(model.observed, sensor="camera", geometry=geometry) for geometry in (across, {}))
+    assert "wrong-pivot" not in {effect.name for effect in offered(EFFECTS.values(), model, [filmed])}
+    assert "wrong-pivot" in {effect.name for effect in offered(EFFECTS.values(), model, [filmed, typed])}
+
+
 def test_brightness_has_no_place_in_an_image():
     model = MODELS["exponential-decay"]
     names = {effect.name for effect in offered(EFFECTS.values(), model, [table(model.observed, sensor="camera")])}
