@@ -167,16 +167,21 @@ def summary(rows: Sequence[Row], multiple: float) -> str:
     counts = ", ".join(f"{name} {sum(each.level == name for each in scores)}" for name in LEVELS)
     held = [right for each in scores for right in each.held.values()]
     sizes = [each.sized for each in scores if each.sized is not None]
-    return (
-        f"At {multiple:g} times the residual, of {len(scores)}: {counts} (the same level as it is, and not missed: "
-        f"{sum(each.level == each.already != 'missed' for each in scores)}); "
-        f"extra names {sum(len(each.extra) for each in scores)}; "
-        f"names that change beside the implant {sum(len(each.changed) for each in scores)}; "
-        f"parameters held {sum(held)} of {len(held)}; sizes that hold the truth {sum(sizes)} of {len(sizes)}; "
-        f"a doubt of clock or scale {sum(bool({'clock', 'scale'} & set(each.new_doubts)) for each in scores)}. "
-        f"Not shown by the recording: {sum(bool(row.answer.skipped) for row in of)}; "
-        f"no diagnosis: {sum(row.scored is None and not row.answer.skipped for row in of)}."
-    )
+    same = sum(each.level == each.already != "missed" for each in scores)
+    doubts = sum(bool({"clock", "scale"} & set(each.new_doubts)) for each in scores)
+    skipped = sum(bool(row.answer.skipped) for row in of)
+    failed = sum(row.scored is None and not row.answer.skipped for row in of)
+    parts = [
+        f"{counts} (the same level as it is, and not missed: {same})",
+        f"extra names {sum(len(each.extra) for each in scores)}",
+        f"names that change beside the implant {sum(len(each.changed) for each in scores)}",
+        f"parameters held {sum(held)} of {len(held)}",
+        *([f"sizes that hold the truth {sum(sizes)} of {len(sizes)}"] if sizes else []),
+        *([f"a doubt of clock or scale {doubts}"] if doubts else []),
+        *([f"not shown by the recording {skipped}"] if skipped else []),
+        *([f"no diagnosis {failed}"] if failed else []),
+    ]
+    return f"At {multiple:g} times the residual, of {len(scores)}: {'; '.join(parts)}."
 
 
 # Cases --------------------------------------------------------------------------------------------------------------

@@ -20,7 +20,7 @@ NEGLIGIBLE = (
     1e-4,
 )  # error from the time step at a kink, as fractions of the noise and of the motion
 MAX_RESIDUAL = 1e100  # in units of sigma: squares and their sums stay finite
-# A rough fit ends when so many steps together lower the sum of squares by less than this part of it: effects are kept
+# A rough fit ends when five steps together lower the sum of squares by less than this part of it: effects are kept
 # for 15 times that. Of the Jacobians of a diagnosis two thirds were spent in such valleys.
 STALLED = 5, 2e-3
 SOFT_AT = 2.0  # standard deviations above which soft_l1 grows linearly
@@ -162,7 +162,8 @@ class _StalledError(Exception):
     """A rough fit goes on along a valley that is nearly level; ``free`` (k,) is where it is."""
 
     def __init__(self, free: Array) -> None:
-        super().__init__("the sum of squares hardly falls any more")
+        steps, share = STALLED
+        super().__init__(f"the sum of squares falls by less than {100 * share:g} % in {steps} steps")
         self.free = free
 
 
@@ -170,7 +171,7 @@ class _StalledError(Exception):
 class _Objective:
     """Residual and Jacobian as functions of the free values (k,); the last prediction and difference steps are kept.
 
-    ``squares`` are those of each iteration; where ``rough``, the Jacobian is refused once they hardly fall.
+    ``squares`` are those of each iteration; where ``rough``, the Jacobian is refused once they fall too little.
     """
 
     problem: InitialValueProblem

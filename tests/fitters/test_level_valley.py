@@ -38,7 +38,7 @@ def ended(accuracy: Accuracy) -> Solution:
     return minimise(cast("InitialValueProblem", Valley()), target, unknowns, np.array(START), accuracy=accuracy)
 
 
-def test_rough_fit_ends_where_the_sum_of_squares_hardly_falls():
+def test_rough_fit_ends_where_the_sum_of_squares_falls_too_little():
     rough, fine = ended(ROUGH), ended(FINE)
     assert rough.converged
     assert len(rough.gradients) < 0.5 * len(fine.gradients)

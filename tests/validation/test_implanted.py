@@ -194,7 +194,7 @@ def test_summary_counts_levels_and_names():
     rows = [implanted.Row(DRAG, with_it, before), implanted.Row(DRAG, Answer("x", "drag", 3.0, skipped="no"), before)]
     text = implanted.summary(rows, 3.0)
     assert "of 1: named 1, class 0" in text
-    assert "Not shown by the recording: 1" in text
+    assert "not shown by the recording 1" in text
     assert rows[0].text.count("|") == rows[1].text.count("|") == implanted.HEADER.splitlines()[0].count("|")
 
 
