@@ -1,5 +1,7 @@
 """The law of an arm is found from its torque in weak form, where chatter of the acceleration would dilute it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -50,7 +52,7 @@ def test_a_load_has_its_own_inertia_and_the_friction_of_the_others(recordings):
 def test_a_friction_that_adds_energy_is_left_out(recordings):
     each = recordings[0]
     assert own_friction(each, np.array([0.18, 0.36, 0.0, 0.0, 0.0]))[1][0] > 0
-    driven = driven_arm.Windows(each.name, each.record, each.terms, each.torque - 0.2 * each.terms[:, 2])
+    driven = replace(each, torque=each.torque - 0.2 * each.terms[:, 2])
     values, errors = own_friction(driven, np.array([0.18, 0.36, 0.0, 0.0, 0.0]))
     assert values[0] == errors[0] == 0.0
 
