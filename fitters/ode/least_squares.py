@@ -301,11 +301,17 @@ def _minimised(objective: _Objective, loss: Loss, accuracy: Accuracy) -> Optimiz
                 gtol=1e-15,
                 max_nfev=accuracy.evaluations,
             )
-        except (ValueError, _StalledError) as error:
-            free, stalled = (error.free, True) if isinstance(error, _StalledError) else (start, False)
-            ended = OptimizeResult()
-            ended.update(x=free, fun=objective.residual(free), success=stalled, message=str(error))
-            return ended
+        except _StalledError as stalled:
+            return _ended(objective, stalled.free, str(stalled), success=True)
+        except ValueError as error:
+            return _ended(objective, start, str(error), success=False)
+
+
+def _ended(objective: _Objective, free: Array, message: str, *, success: bool) -> OptimizeResult:
+    """The result of a minimisation that SciPy did not bring to its end, at free values (k,)."""
+    result = OptimizeResult()
+    result.update(x=free, fun=objective.residual(free), success=success, message=message)
+    return result
 
 
 def reweighted(target: Target, solution: Solution) -> Target:
