@@ -60,6 +60,8 @@ def refused(arguments, status, message, folder, cli, request):
     assert outcome.status == status, outcome
     assert outcome.out == ""
     lines = outcome.err.splitlines()
+    if lines[-1].startswith("next: iris-sysid review "):  # a clip that no tracker follows may be followed by hand
+        lines.pop()
     assert re.search(message, lines[-1]), outcome.err
     if status == 1:
         assert len(lines) == 1, outcome.err

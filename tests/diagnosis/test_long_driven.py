@@ -40,12 +40,13 @@ def fitted_samples(monkeypatch):
     return counts
 
 
-def test_a_long_driven_record_is_searched_by_its_first_samples(fitted_samples):
+def test_a_long_driven_record_is_valued_by_all_of_its_samples(fitted_samples):
     found = diagnose(cart(DRY), CART)
-    assert [effect.name for effect in found.added] == ["coulomb-friction"]
+    # the turnover of this friction is not that of the library, so that a weakening can make up for it
+    assert [effect.name for effect in found.added] in (["coulomb-friction"], ["velocity-weakening-friction"])
+    assert next(iter(found.sizes.values())).value == pytest.approx(1.3, rel=0.02)
     assert found.final.n > WHOLE - 20
-    assert fitted_samples[0] == PART  # the search
-    assert WHOLE in fitted_samples  # the values
+    assert WHOLE in fitted_samples
 
 
 def test_what_acts_after_the_first_samples_alone_is_found(fitted_samples):
