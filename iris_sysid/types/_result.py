@@ -344,7 +344,8 @@ class PooledFit:
         if equation is not None and self.status == "misfit":
             equation = replace(equation, complete=False)
         accuracy = _accuracy(self.model, list(self.estimates), self.estimates)
-        return _verdict(self.status, clips.reasons, equation, accuracy)
+        reasons = tuple(doubt for doubt in clips.reasons if doubt.kind != "imprecise")  # of one clip: all know more
+        return _verdict(self.status, reasons, equation, accuracy)
 
     @property
     def estimates(self) -> dict[str, Estimate]:
