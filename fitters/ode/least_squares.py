@@ -30,12 +30,13 @@ class Accuracy(NamedTuple):
     """When a minimisation ends.
 
     ``tolerance``: relative change of the sum of squares, and of the values, in a step; ``time_step``: relative error
-    from the finite time step; ``evaluations``: their largest number.
+    from the finite time step; ``evaluations``: their largest number. ``impatient``: it ends in a level valley as well.
     """
 
     tolerance: float
     time_step: float
     evaluations: int
+    impatient: bool = False
 
     @property
     def fine(self) -> bool:
@@ -171,7 +172,7 @@ class _StalledError(Exception):
 class _Objective:
     """Residual and Jacobian as functions of the free values (k,); the last prediction and difference steps are kept.
 
-    ``squares`` are those of each iteration; where ``rough``, the Jacobian is refused once they fall too little.
+    ``squares`` are those of each iteration; where ``impatient``, the Jacobian is refused once they fall too little.
     """
 
     problem: InitialValueProblem
@@ -179,7 +180,7 @@ class _Objective:
     unknowns: Unknowns
     start: Array
     steps: Array
-    rough: bool
+    impatient: bool
     gradients: list[float] = field(default_factory=list)
     squares: list[float] = field(default_factory=list)
     _last: tuple[Array, Array] | None = field(default=None)
@@ -202,7 +203,7 @@ class _Objective:
 
     def jacobian(self, free: Array) -> Array:
         self.squares.append(float(np.sum(np.square(self.residual(free)))))
-        if self.rough and self._is_stalled:
+        if self.impatient and self._is_stalled:
             raise _StalledError(free)
         values = self.values_of(free)
         slopes = self.problem.rough_sensitivity(values, self.unknowns.which, self.steps, self.predicted(values))
@@ -258,7 +259,7 @@ def minimise(
     start = unknowns.inside(values)
     problem = problem.planned(start, accuracy.time_step, target.negligible)
     steps = first_steps(start, unknowns.which) if steps is None else steps
-    objective = _Objective(problem, target, unknowns, start, steps, rough=not accuracy.fine)
+    objective = _Objective(problem, target, unknowns, start, steps, accuracy.impatient)
     predicted = objective.predicted(start)
     if not np.all(np.isfinite(predicted)):
         why = "the solution diverges at the start"
