@@ -202,7 +202,8 @@ class _Objective:
         return np.clip(both, -MAX_RESIDUAL, MAX_RESIDUAL)
 
     def jacobian(self, free: Array) -> Array:
-        self.squares.append(float(np.sum(np.square(self.residual(free)))))
+        residual = self.residual(free)
+        self.squares.append(float(np.sum(np.square(residual))))
         if self.impatient and self._is_stalled:
             raise _StalledError(free)
         values = self.values_of(free)
@@ -210,7 +211,7 @@ class _Objective:
         self.steps = adapted_steps(self.steps, slopes, self.target.size)
         rows = np.concatenate([np.nan_to_num(self.target.weighted(slopes)), self.unknowns.prior_rows])
         jacobian = np.clip(rows, -MAX_RESIDUAL, MAX_RESIDUAL)
-        self.gradients.append(self._gradient(jacobian, self.residual(free), values))
+        self.gradients.append(self._gradient(jacobian, residual, values))
         return jacobian
 
     @property

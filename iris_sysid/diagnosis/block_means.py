@@ -93,9 +93,14 @@ def one_a_block(fitted: FitResult, trajectory: Trajectory, few: int) -> NDArray[
     """
     used = np.flatnonzero(fitted.used)
     if trajectory.inputs is not None:
-        return used[:DRIVEN] if used.size >= 2 * DRIVEN else used
+        return first_samples(used)
     starts = _starts(fitted, few)
     return used if starts is None else used[starts]
+
+
+def first_samples(used: NDArray[np.intp]) -> NDArray[np.intp]:
+    """The first DRIVEN of the indices (m,) of a driven record's samples, where there are twice as many; else all."""
+    return used[:DRIVEN] if used.size >= 2 * DRIVEN else used
 
 
 def at_samples(trajectory: Trajectory, which: NDArray[np.intp]) -> Trajectory:

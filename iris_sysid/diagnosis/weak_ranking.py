@@ -17,7 +17,7 @@ import numpy as np
 from fitters.effect_sensitivity import forces_along
 from fitters.ode import FitRequest
 from fitters.ode.weak_fit import WeakFit, is_observed, weak_fit, weak_gains
-from iris_sysid.diagnosis.block_means import DRIVEN, at_samples
+from iris_sysid.diagnosis.block_means import at_samples, first_samples
 from iris_sysid.diagnosis.evidence import DECISIVE
 from iris_sysid.diagnosis.held_out_blocks import ALIKE, MIN_SHARE, SURE, BlockErrors, wins
 from iris_sysid.diagnosis.library import EffectLibrary, is_sensible
@@ -237,11 +237,12 @@ class WeakRanking:
 
 
 def _first_samples(clip: FitRequest) -> FitRequest:
-    """The request with its first DRIVEN samples, where it has twice as many; else as it is."""
+    """The request with the first samples of a long driven record alone; that of another one as it is."""
     used = np.flatnonzero(clip.trajectory.valid)
-    if clip.trajectory.inputs is None or used.size < 2 * DRIVEN:
+    kept = first_samples(used)
+    if clip.trajectory.inputs is None or kept.size == used.size:
         return clip
-    return clip.with_(trajectory=at_samples(clip.trajectory, used[:DRIVEN]))
+    return clip.with_(trajectory=at_samples(clip.trajectory, kept))
 
 
 def _acts(effect: Effect) -> bool:
