@@ -20,9 +20,6 @@ NEGLIGIBLE = (
     1e-4,
 )  # error from the time step at a kink, as fractions of the noise and of the motion
 MAX_RESIDUAL = 1e100  # in units of sigma: squares and their sums stay finite
-# A rough fit ends when five steps together lower the sum of squares by less than this part of it: effects are kept
-# for 15 times that. Of the Jacobians of a diagnosis two thirds were spent in such valleys.
-STALLED = 5, 2e-3
 SOFT_AT = 2.0  # standard deviations above which soft_l1 grows linearly
 
 
@@ -30,13 +27,12 @@ class Accuracy(NamedTuple):
     """When a minimisation ends.
 
     ``tolerance``: relative change of the sum of squares, and of the values, in a step; ``time_step``: relative error
-    from the finite time step; ``evaluations``: their largest number. ``impatient``: it ends in a level valley as well.
+    from the finite time step; ``evaluations``: their largest number.
     """
 
     tolerance: float
     time_step: float
     evaluations: int
-    impatient: bool = False
 
     @property
     def fine(self) -> bool:
@@ -159,30 +155,16 @@ class Solution:
     gradients: tuple[float, ...] = ()
 
 
-class _StalledError(Exception):
-    """A rough fit goes on along a valley that is nearly level; ``free`` (k,) is where it is."""
-
-    def __init__(self, free: Array) -> None:
-        steps, share = STALLED
-        super().__init__(f"the sum of squares falls by less than {100 * share:g} % in {steps} steps")
-        self.free = free
-
-
 @dataclass(eq=False, slots=True)
 class _Objective:
-    """Residual and Jacobian as functions of the free values (k,); the last prediction and difference steps are kept.
-
-    ``squares`` are those of each iteration; where ``impatient``, the Jacobian is refused once they fall too little.
-    """
+    """Residual and Jacobian as functions of the free values (k,); the last prediction and difference steps are kept."""
 
     problem: InitialValueProblem
     target: Target
     unknowns: Unknowns
     start: Array
     steps: Array
-    impatient: bool
     gradients: list[float] = field(default_factory=list)
-    squares: list[float] = field(default_factory=list)
     _last: tuple[Array, Array] | None = field(default=None)
 
     def values_of(self, free: Array) -> Array:
@@ -203,9 +185,6 @@ class _Objective:
 
     def jacobian(self, free: Array) -> Array:
         residual = self.residual(free)
-        self.squares.append(float(np.sum(np.square(residual))))
-        if self.impatient and self._is_stalled:
-            raise _StalledError(free)
         values = self.values_of(free)
         slopes = self.problem.rough_sensitivity(values, self.unknowns.which, self.steps, self.predicted(values))
         self.steps = adapted_steps(self.steps, slopes, self.target.size)
@@ -213,11 +192,6 @@ class _Objective:
         jacobian = np.clip(rows, -MAX_RESIDUAL, MAX_RESIDUAL)
         self.gradients.append(self._gradient(jacobian, residual, values))
         return jacobian
-
-    @property
-    def _is_stalled(self) -> bool:
-        steps, share = STALLED
-        return len(self.squares) > steps and self.squares[-1 - steps] - self.squares[-1] < share * self.squares[-1]
 
     def _gradient(self, jacobian: Array, residual: Array, values: Array) -> float:
         """Norm of the gradient of the mean square by the relative free values: 1 is one standard deviation."""
@@ -260,7 +234,7 @@ def minimise(
     start = unknowns.inside(values)
     problem = problem.planned(start, accuracy.time_step, target.negligible)
     steps = first_steps(start, unknowns.which) if steps is None else steps
-    objective = _Objective(problem, target, unknowns, start, steps, accuracy.impatient)
+    objective = _Objective(problem, target, unknowns, start, steps)
     predicted = objective.predicted(start)
     if not np.all(np.isfinite(predicted)):
         why = "the solution diverges at the start"
@@ -285,7 +259,7 @@ def minimise(
 
 
 def _minimised(objective: _Objective, loss: Loss, accuracy: Accuracy) -> OptimizeResult:
-    """What SciPy finds, or where it stalled; the start where derivatives are far beyond its numbers."""
+    """What SciPy finds; the start where derivatives are far beyond its numbers."""
     unknowns = objective.unknowns
     start = objective.start[unknowns.which]
     with np.errstate(all="ignore"):
@@ -303,17 +277,10 @@ def _minimised(objective: _Objective, loss: Loss, accuracy: Accuracy) -> Optimiz
                 gtol=1e-15,
                 max_nfev=accuracy.evaluations,
             )
-        except _StalledError as stalled:
-            return _ended(objective, stalled.free, str(stalled), success=True)
         except ValueError as error:
-            return _ended(objective, start, str(error), success=False)
-
-
-def _ended(objective: _Objective, free: Array, message: str, *, success: bool) -> OptimizeResult:
-    """The result of a minimisation that SciPy did not bring to its end, at free values (k,)."""
-    result = OptimizeResult()
-    result.update(x=free, fun=objective.residual(free), success=success, message=message)
-    return result
+            result = OptimizeResult()
+            result.update(x=start, fun=objective.residual(start), success=False, message=str(error))
+            return result
 
 
 def reweighted(target: Target, solution: Solution) -> Target:

@@ -249,17 +249,12 @@ def find_minimum(request: FitRequest) -> Minimum:
     return Minimum(task, target, solution)
 
 
-def _rough(model: OdeModel) -> Accuracy:
-    """That of rough fits; a driven free run that is far off first goes down slowly, and then fast."""
-    return ROUGH._replace(impatient=not model.inputs)
-
-
 def _accuracy(options: FitOptions, model: OdeModel, samples: int) -> Accuracy:
     """With what a fit ends; a local one is abandoned earlier where there are many samples."""
     if not options.local:
         return FINE
     most = max(PATIENCE[0] // samples, PATIENCE[1])
-    return _rough(model) if options.rough else FINE._replace(evaluations=min(most, FINE.evaluations))
+    return ROUGH if options.rough else FINE._replace(evaluations=min(most, FINE.evaluations))
 
 
 def task_of(request: FitRequest) -> PreparedFit:
@@ -293,8 +288,8 @@ def _downhill(task: PreparedFit, request: FitRequest) -> Solution:
     """Fit all samples from the start given alone; the first of them first, if asked for."""
     values = next(starting_values(task, request.start, guesses(task, request.start)))
     if request.options.growing:
-        return grow(task.problem, task.target, task.unknowns, values, _rough(task.model))
-    return minimise(task.problem, task.target, task.unknowns, values, accuracy=_rough(task.model))
+        return grow(task.problem, task.target, task.unknowns, values, ROUGH)
+    return minimise(task.problem, task.target, task.unknowns, values, accuracy=ROUGH)
 
 
 def _starts(task: PreparedFit, start: Mapping[str, float], multistart: int) -> Iterator[tuple[Array, bool]]:
