@@ -514,7 +514,12 @@ def _unsized(report: SearchReport) -> list[Effect]:
     """The effects whose size has an interval that holds zero, the least known first."""
     sizes = {effect.name: report.size(effect.parameters[0].name) for effect in report.final.effects}
     unsized = [effect for effect in report.final.effects if holds_zero(sizes[effect.name])]
-    return sorted(unsized, key=lambda effect: abs(sizes[effect.name].value) / sizes[effect.name].stderr)
+    return sorted(unsized, key=lambda effect: _relative(sizes[effect.name]))
+
+
+def _relative(size: Estimate) -> float:
+    """A size in standard errors; 0 where its error is not known."""
+    return abs(size.value) / size.stderr if size.stderr > 0.0 else 0.0
 
 
 def _is_sized(report: SearchReport) -> bool:

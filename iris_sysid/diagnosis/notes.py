@@ -72,7 +72,8 @@ def weak_notes(sizes: Sequence[tuple[str, Estimate]]) -> tuple[DiagnosticNote, .
         Name and size of each.
     """
     texts = [
-        f"{name} = {size.value:.2g} {size.unit} is not named: its 95 % interval, {low:.2g} to {high:.2g}, holds zero"
+        f"{name} = {size.value:.2g} {size.unit} is not named: "
+        + (f"its 95 % interval, {low:.2g} to {high:.2g}, holds zero" if low < high else "its error is not known")
         for name, size in sizes
         for low, high in [size.interval]
     ]

@@ -22,9 +22,12 @@ from iris_sysid.types import DiagnosticNote, Effect, EffectCause, Estimate, FitR
 
 
 def holds_zero(size: Estimate) -> bool:
-    """Whether the 95 % interval of a size holds zero, or there is none."""
+    """Whether the 95 % interval of a size holds zero, or there is none.
+
+    An error of zero is none: a motion that is too sensitive to its values tells their errors no more.
+    """
     low, high = size.interval
-    return not (low > 0.0 or high < 0.0)
+    return not (low > 0.0 or high < 0.0) or not size.stderr > 0.0
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -24,6 +24,7 @@ from iris_sysid.types import Array, BenchmarkClass, Estimate, FitResult, Mask, P
 TAUT = 3  # consecutive samples on the arc after which the cord counts as taut
 RADIUS = ("arc_radius", "length")  # settings that give the arc's radius, in order of preference
 CONTRADICTED, ALIKE = 3.0, 0.2  # standard errors and share of the arc's radius by which a length may differ from it
+FASTEST = 0.95  # quantile of the rates that stands for the largest one: a single rate may be an error
 NEAR_THE_TOP = 2.6  # rad; below it no full turn is possible, and a gap must not be unwrapped as one
 
 
@@ -65,7 +66,7 @@ def observe(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Tr
         sigma=sigma[:, None],
         valid=body.valid & belongs,
         segments=_without_slack(body, used, belongs, off),
-        geometry={**body.geometry, **_geometry(circle, body.quantities[0].unit, settings)},
+        geometry={**body.geometry, **_geometry(circle, body, theta, settings)},
         smoothed=None,
     )
 
@@ -105,8 +106,8 @@ def _angles(body: Trajectory, circle: Circle) -> tuple[Array, Array]:
     return theta, tangential / np.hypot(across, up)
 
 
-def _geometry(circle: Circle, unit: str, settings: Mapping[str, Estimate]) -> dict[str, Estimate]:
-    given = "pivot_x" in settings
+def _geometry(circle: Circle, body: Trajectory, theta: Array, settings: Mapping[str, Estimate]) -> dict[str, Estimate]:
+    given, unit = "pivot_x" in settings, body.quantities[0].unit
     kind, source = ("direct", "given") if given else ("fitted", "circle through the arc of the motion")
     radius = None if given else _stated_radius(settings, unit)
     geometry = {
@@ -119,9 +120,25 @@ def _geometry(circle: Circle, unit: str, settings: Mapping[str, Estimate]) -> di
         ),
     }
     share = "pivot's error over the arc's radius"
-    geometry["pivot_across"] = Estimate(0.0, float(circle.stderr[0]) / circle.radius, "1", "assumed", share)
-    geometry["pivot_along"] = Estimate(0.0, float(circle.stderr[1]) / circle.radius, "1", "assumed", share)
+    across, along = (float(error) / circle.radius for error in circle.stderr[:2])
+    geometry["pivot_across"] = Estimate(0.0, across, "1", "assumed", share)
+    along = math.hypot(along, _exposure_share(body.t_s, theta))
+    geometry["pivot_along"] = Estimate(0.0, along, "1", "assumed", f"{share}; the mean over an exposure")
     return {**geometry, **stated(settings, "ball_radius")}
+
+
+def _exposure_share(t_s: Array, theta: Array) -> float:
+    """By what share angles may look too small, as a position is the mean over an exposure of unknown length T.
+
+    The mean is off by T²/24 of the acceleration: nearer to the pivot where the bob is fast, which moves the centre of
+    the arc up by g T²/12, and nearer to the middle where it turns, by g T²/24. T is at most the time between frames;
+    evenly distributed below that, T² is 1/sqrt(5) of its square (root mean square).
+    """
+    seen = np.flatnonzero(np.isfinite(theta))
+    rate = np.abs(np.gradient(theta[seen], t_s[seen]))
+    frequency = float(np.quantile(rate, FASTEST)) / (2.0 * math.sin(float(np.max(np.abs(theta[seen]))) / 2.0))
+    frame_s = float(np.median(np.diff(t_s[seen])))
+    return (frequency * frame_s) ** 2 * (1.0 / 12.0 + 1.0 / 24.0) / math.sqrt(5.0)
 
 
 def _without_slack(body: Trajectory, used: Mask, belongs: Mask, off: Array) -> tuple[Segment, ...]:

@@ -1,8 +1,10 @@
-"""Sizes that are seen only above a threshold: truth drawn by NumPy, threshold applied as a search does."""
+"""Sizes that are seen only above a threshold, truth drawn by NumPy; and those whose error is not known."""
 
 import numpy as np
 import pytest
 
+from iris_sysid.diagnosis.notes import weak_notes
+from iris_sysid.diagnosis.search_report import holds_zero
 from iris_sysid.diagnosis.selection_bias import corrected_for_selection
 from iris_sysid.types import Estimate
 
@@ -32,3 +34,13 @@ def test_size_far_beyond_the_threshold_is_not_changed():
 def test_size_just_beyond_the_threshold_may_be_zero():
     low, high = corrected_for_selection(Estimate(-4.1, 1.0, "1", "fitted", ""), CRITICAL).interval
     assert low < 0.0 < high
+
+
+@pytest.mark.parametrize(("stderr", "unsure"), [(0.2, False), (0.6, True), (0.0, True), (float("nan"), True)])
+def test_size_without_an_error_is_not_known_to_differ_from_zero(stderr, unsure):
+    assert holds_zero(Estimate(1.0, stderr, "1", "fitted")) is unsure
+
+
+def test_note_on_a_size_without_an_error_gives_no_interval():
+    (note,) = weak_notes([("drag", Estimate(1.0, 0.0, "1", "fitted"))])
+    assert note.text == "drag = 1 1 is not named: its error is not known"

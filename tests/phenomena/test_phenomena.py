@@ -47,6 +47,18 @@ def test_phenomenon_names_a_tracker_and_a_model_that_observes_what_it_gives(name
 # --------------------------------------------------------------------------- pendulum
 
 
+@pytest.mark.parametrize("shutter", [0.5, 1.0])
+def test_error_of_the_pivot_holds_what_the_mean_over_an_exposure_does_to_it(shutter):
+    t_s = (np.arange(300) + 0.5) / 60
+    within = t_s[:, None] + ((np.arange(20) + 0.5) / 20 - 0.5) * shutter / 60
+    theta = pendulum_angle(within.ravel(), np.radians(60), 0.54).reshape(within.shape)
+    mean = np.mean([on_arc(each, 350.0, (437.0, -42.0)) for each in theta.T], axis=0)
+    got = observed("pendulum", in_plane(t_s, mean, 0.01, rng=np.random.default_rng(0))).geometry
+    off = abs(got["pivot_z"].value + 42.0)
+    assert off > 5 * got["pivot_z"].stderr * shutter
+    assert off < 2 * got["pivot_along"].stderr * 350.0
+
+
 @pytest.mark.parametrize("amplitude_deg", [10, 40, 89])
 def test_pendulum_finds_its_pivot_and_the_angle_about_it(amplitude_deg):
     theta, world = swing(np.random.default_rng(amplitude_deg), amplitude_deg)
