@@ -26,8 +26,8 @@ SOFT_AT = 2.0  # standard deviations above which soft_l1 grows linearly
 class Accuracy(NamedTuple):
     """When a minimisation ends.
 
-    ``tolerance``: relative change of the sum of squares, and of the values, in a step; ``time_step``: relative error
-    from the finite time step; ``evaluations``: their largest number.
+    ``tolerance``: relative change of the sum of squares in a step; ``time_step``: relative error from the finite time
+    step; ``evaluations``: their largest number.
     """
 
     tolerance: float
@@ -41,7 +41,7 @@ class Accuracy(NamedTuple):
 
 
 FINE = Accuracy(1e-8, 1e-8, 200)
-ROUGH = Accuracy(1e-5, 1e-6, 40)  # good enough for the next horizon, or to compare models
+ROUGH = Accuracy(1e-7, 1e-8, 40)  # to compare models: rougher ends hang on rounding, and with them what is named
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -273,7 +273,7 @@ def _minimised(objective: _Objective, loss: Loss, accuracy: Accuracy) -> Optimiz
                 loss=loss,
                 f_scale=SOFT_AT,
                 ftol=accuracy.tolerance,
-                xtol=accuracy.tolerance,
+                xtol=FINE.tolerance,  # data may know a value to any part of it
                 gtol=1e-15,
                 max_nfev=accuracy.evaluations,
             )
