@@ -111,9 +111,13 @@ def _error(one: Estimate) -> float:
 
 
 def _accuracy(model: OdeModel, free: Sequence[str], estimates: Mapping[str, Estimate]) -> dict[str, float]:
-    """The relative errors of the physical values; without any, of what is derived, else of all but initial states."""
+    """The relative errors of the physical values; without any, of what is derived, else of all but initial states.
+
+    A value that is nominally zero, as the offset of a pivot, has no relative error that means something.
+    """
     roles = {parameter.name: parameter.role for parameter in model.parameters}
-    physical = [name for name in free if roles.get(name) in ("physical", "gravity")]
+    nominally_zero = {parameter.name for parameter in model.parameters if parameter.constant and parameter.default == 0}
+    physical = [name for name in free if roles.get(name) in ("physical", "gravity") and name not in nominally_zero]
     derived = [name for name, one in estimates.items() if one.measurement_type == "derived"]
     choices = (physical, derived, [name for name in free if name in roles])
     return next(filter(None, (relative_errors(estimates, names) for names in choices)), {})

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from iris_sysid import MODELS, Doubt, Trajectory, Verdict, diagnose, fit
+from iris_sysid import MODELS, Doubt, Estimate, Trajectory, Verdict, diagnose, fit
 from iris_sysid.io.json_documents import write_fit
 from iris_sysid.types import Completeness, worst_verdict
 from iris_sysid.types._verdict import explained_percent, times_text
@@ -30,6 +30,13 @@ def test_verdict_on_a_clean_fit_is_good():
     assert verdict.equation.explained == pytest.approx(1.0, abs=1e-4)
     assert list(verdict.accuracy) == ["length"]
     assert verdict.text.startswith("usable: length good to 0.0")
+
+
+def test_verdict_gives_no_relative_error_of_a_value_that_is_nominally_zero():
+    pivot = {"pivot_along": Estimate(0.05, 1e-3, "1", "fitted")}
+    result = fit(swing(), PENDULUM, free=["pivot_along"], fixed=pivot)
+    assert "pivot_along" in result.free
+    assert list(result.verdict.accuracy) == ["length"]
 
 
 def test_verdict_takes_the_doubts_of_the_track():
