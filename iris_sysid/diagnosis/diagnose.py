@@ -40,6 +40,7 @@ from iris_sysid.errors import FitError
 from iris_sysid.registry import EFFECTS, MODELS
 from iris_sysid.trajectory.smoothing import smooth
 from iris_sysid.types import (
+    LITTLE_EXPLAINED,
     ComponentKind,
     Components,
     Diagnosis,
@@ -339,9 +340,14 @@ def _of_open(cache: FitCache, world: OpenWorld, judgement: Judgement) -> _Answer
         for k, fitted in enumerate(final.fits)
     )
     model = replace(final, fits=finals)
+    findings = judgement.findings
+    if not judgement.weak and final.effects and not _explained(world, judgement.model) > LITTLE_EXPLAINED:
+        findings = tuple(_without_name(finding, "the free run does not follow the motion") for finding in findings)
     findings = tuple(
-        _without_name(finding) if holds_zero(pooled(model.sizes_of(effect.parameters[0].name))) else finding
-        for finding, effect in zip(judgement.findings, final.effects, strict=True)
+        _without_name(finding, "the interval of its size holds zero")
+        if holds_zero(pooled(model.sizes_of(effect.parameters[0].name)))
+        else finding
+        for finding, effect in zip(findings, final.effects, strict=True)
     )
     words = zip(findings, final.effects, strict=True)
     added = tuple(effect for finding, effect in words if finding.word in ("named", "group"))
@@ -359,9 +365,20 @@ def _of_open(cache: FitCache, world: OpenWorld, judgement: Judgement) -> _Answer
     )
 
 
-def _without_name(finding: Finding) -> Finding:
-    """The finding on an effect whose size is not known to differ from zero."""
-    return replace(finding, word="located", reason="the interval of its size holds zero")
+def _without_name(finding: Finding, reason: str) -> Finding:
+    """The finding on an effect without its name, and the reason; one that has no name keeps its own reason."""
+    return replace(finding, word="located", reason=reason) if finding.word in ("named", "group") else finding
+
+
+def _explained(world: OpenWorld, model: ModelWithEffects) -> float:
+    """The share of the motion's variance that a model predicts of blocks left out; NaN where there are none.
+
+    Where it is small, the free run leaves the motion soon, as of a chaotic one, and names would hang on rounding.
+    """
+    motion = [(fitted.predicted + fitted.residual)[fitted.used] for fitted in model.fits]
+    variance = sum(float(np.sum(np.var(each, axis=0))) * len(each) for each in motion)
+    samples = sum(each.size for each in motion)
+    return 1.0 - world.shares.heldout(model)[0] ** 2 * samples / variance
 
 
 def _with_all_samples(cache: FitCache, judged: ModelWithEffects) -> ModelWithEffects:
