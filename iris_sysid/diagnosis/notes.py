@@ -13,7 +13,7 @@ from iris_sysid.types import DiagnosticNote, Estimate, FitResult, NoteKind, Scor
 
 MAX_NAMED = 3  # clips or effects that a note names; further ones are counted
 REJECTED = {
-    "rejected-sign": "because a negative value adds energy (in a tank: water)",
+    "rejected-sign": "because a negative value adds energy (in a tank: water), or acts before its cause",
     "rejected-size": f"because it moves fewer than {RESOLVED_SAMPLES} samples by {RESOLVED_AT:g} stated errors",
 }
 

@@ -171,6 +171,18 @@ def test_a_held_input_that_is_late_acts_as_its_mean_until_the_next_sample():
     assert acting[:, 0].tolist() == [0.0, 1.5, 2.0, 3.5, 4.0]
 
 
+def test_an_input_that_acts_early_gives_no_delay_below_zero():
+    seen = late(-0.05)[:, None] + NOISE * np.random.default_rng(1).standard_normal((SAMPLES, 1))
+    unknown, valid = np.full_like(seen, np.nan), np.ones(SAMPLES, bool)
+    clip = Trajectory(T_S, OSCILLATOR.observed, seen, unknown, valid, OSCILLATOR.inputs, smooth(T_S)[:, None])
+    base = fit(clip, OSCILLATOR)
+    start = {name: base.estimates[name].value for name in base.free} | {"input_delay": 0.01}
+    composed = with_effect(OSCILLATOR, EFFECTS["input-delay"])
+    found = fit(clip, composed, start=start, options=FitOptions(local=True, multistart=0))
+    assert 0.0 <= found.estimates["input_delay"].value < 1e-3
+    assert found.status == "at-bound"
+
+
 def test_an_effect_on_one_of_two_inputs_leaves_the_other():
     inputs = np.column_stack([np.linspace(-1, 1, 9), np.linspace(1, -1, 9)])
     for effect in (EFFECTS[case.name] for case in CASES if EFFECTS[case.name].drive is not None):
