@@ -161,6 +161,22 @@ def test_structures_and_a_sampling_rate_of_a_mat_file_are_read(folder):
     assert np.diff(record.t_s) == pytest.approx(STEP_S)
 
 
+def test_named_fields_of_a_npy_file_are_its_columns(folder):
+    u, w = motor(0)
+    fields = np.zeros(u.size, dtype=[("voltage", "f4"), ("speed", "f8"), ("who", "U4")])
+    fields["voltage"], fields["speed"] = u, w
+    np.save("fields.npy", fields[["voltage", "speed"]])
+    record = read_trajectory("fields.npy", {"t[0.1 s]": "row", "u[V]": "voltage", "w[rad]": "speed"})
+    assert record.position[:, 0].tolist() == w.tolist()
+    assert record.inputs[:, 0] == pytest.approx(u, abs=1e-6)
+    np.save("fields.npy", fields)
+    record = read_trajectory("fields.npy", {"t[0.1 s]": "row", "u[V]": "voltage", "w[rad]": "speed"})
+    assert record.position[:, 0].tolist() == w.tolist()
+    np.save("fields.npy", fields["who"])
+    with pytest.raises(DataError, match=r"no columns of numbers \(arrays: <U4 \(240,\)\); save the columns as CSV"):
+        read_trajectory("fields.npy", {"t[0.1 s]": "row"})
+
+
 @pytest.mark.parametrize(
     ("content", "message"),
     [
