@@ -94,7 +94,10 @@ def test_the_figure_of_the_guide_is_what_its_command_draws(folder):
 def test_draws_of_the_posterior_are_written_and_summarised(folder):
     pytest.importorskip("emcee")
     command = f'iris-sysid fit motor.csv --equation "{MODEL}" --hold zero --posterior draws.csv -o motor.json'
-    said = output_of(command)
+    (folder / "draws.csv").write_text("of another fit\n")
+    with pytest.raises(IrisError, match="draws.csv exists already; give another name, or --force"):
+        output_of(command)
+    said = output_of(f"{command} --force")
     draws = pd.read_csv("draws.csv")
     assert list(draws.columns)[2] == "w_0 [rad]"
     estimates = json.loads((folder / "motor.json").read_text())["parameters"]
