@@ -49,16 +49,17 @@ def array_columns(data: bytes, label: str) -> Columns:
         When the file is damaged, of another version, unpacks to too much, or holds no columns of numbers.
     """
     if data.startswith(NUMPY):
-        array = _numpy_array(data, label)
-        return _titled({name: array[name] for name in array.dtype.names or ()} or {"": array}, label)
+        return _titled(_numpy_arrays(data, label), label)
     if not data.startswith(MATLAB):
         raise DataError(f"{label} is a MATLAB file of version 7.3, which is not read; {REMEDY}")
     return _titled(_matlab_arrays(data, label), label)
 
 
-def _numpy_array(data: bytes, label: str) -> Array:
+def _numpy_arrays(data: bytes, label: str) -> dict[str, Array]:
+    """The array of a .npy file without a name; its fields by name where it has some."""
     try:
-        return np.asarray(np.load(io.BytesIO(data), allow_pickle=False, max_header_size=10_000))
+        array: Any = np.load(io.BytesIO(data), allow_pickle=False, max_header_size=10_000)
+        return {name: array[name] for name in array.dtype.names or ()} or {"": array}
     except (ValueError, OSError, EOFError, MemoryError, TypeError, SyntaxError) as error:
         raise DataError(f"{label} cannot be read as a .npy file: {str(error).splitlines()[0]:.200}") from error
 

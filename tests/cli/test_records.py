@@ -95,7 +95,7 @@ def test_draws_of_the_posterior_are_written_and_summarised(folder):
     pytest.importorskip("emcee")
     command = f'iris-sysid fit motor.csv --equation "{MODEL}" --hold zero --posterior draws.csv -o motor.json'
     (folder / "draws.csv").write_text("of another fit\n")
-    with pytest.raises(IrisError, match="draws.csv exists already; give another name, or --force"):
+    with pytest.raises(IrisError, match=r"draws\.csv exists already; give another name, or --force"):
         output_of(command)
     said = output_of(f"{command} --force")
     draws = pd.read_csv("draws.csv")
