@@ -9,7 +9,7 @@ import numpy as np
 from fitters.integrator.initial_value_problem import value_names
 from fitters.linear_model import evenly_sampled, output_error_model
 from fitters.ode import FitOptions, fit, simulate
-from fitters.ode.fit_problem import known_inputs
+from fitters.ode.known_inputs import known_inputs
 from iris_sysid.errors import DataError, FitError
 from iris_sysid.types import NORMAL_995, Array, FitResult, LinearModel, Mask, OdeModel, Trajectory, Validation
 

@@ -22,7 +22,7 @@ EFFECT = Effect(
     equation=r"u \to u(t - \tau)",
     source="transport delay; Ljung (1999), System Identification, section 4.2",
     parameters=(
-        Parameter("input_delay", "s", r"\tau_u", lower=-10.0, upper=100.0, default=0.0),
+        Parameter("input_delay", "s", r"\tau_u", lower=0.0, upper=100.0, default=0.0),
         which_parameter("delayed_input"),
     ),
     component="input",

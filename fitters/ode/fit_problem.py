@@ -13,6 +13,7 @@ import numpy as np
 
 from fitters.integrator.initial_value_problem import InitialValueProblem, initial_value_problem, value_names
 from fitters.noise.measurement_noise import noise_from_differences, outliers_in_motion
+from fitters.ode.known_inputs import known_inputs
 from fitters.ode.least_squares import Target, Unknowns
 from iris_sysid.errors import FitError
 from iris_sysid.types import Array, Estimate, Mask, OdeModel, Parameter, SegmentLabel, Trajectory
@@ -307,28 +308,6 @@ def _usable(noise: Array, observed: Array) -> Array:
     size = np.std(observed, axis=0)
     size = np.where(size > 0, size, 1.0)
     return np.asarray(np.where(np.isfinite(noise), np.maximum(noise, 1e-9 * size), 1e-2 * size))
-
-
-def known_inputs(trajectory: Trajectory, model: OdeModel, span: slice) -> Array | None:
-    """Inputs (n, m) in the model's order, bridged linearly where they are not known."""
-    if not model.inputs:
-        return None
-    names = [quantity.name for quantity in trajectory.input_quantities]
-    missing = [quantity.name for quantity in model.inputs if quantity.name not in names]
-    if missing or trajectory.inputs is None:
-        raise FitError(
-            f"model {model.name!r} needs the input {', '.join(missing)}; "
-            f"the trajectory has {', '.join(names) or 'no inputs'}"
-        )
-    columns = [_bridged(trajectory.t_s, trajectory.inputs[:, names.index(q.name)], q.name) for q in model.inputs]
-    return np.stack(columns, axis=1)[span]
-
-
-def _bridged(t_s: Array, values: Array, name: str) -> Array:
-    known = np.isfinite(values)
-    if not known.any():
-        raise FitError(f"the input {name!r} has no known value")
-    return np.interp(t_s, t_s[known], values[known])
 
 
 def _unknowns(model: OdeModel, free: Sequence[str], priors: Mapping[str, Estimate]) -> Unknowns:

@@ -13,7 +13,7 @@ from fitters.integrator.initial_value_problem import (
     initial_value_problem,
     value_names,
 )
-from fitters.ode.fit_problem import known_inputs
+from fitters.ode.known_inputs import known_inputs
 from fitters.ode.least_squares import FINE
 from iris_sysid.errors import FitError
 from iris_sysid.types import Array, FitResult, Hold, Identifiability, Trajectory

@@ -27,6 +27,7 @@ from fitters.ode.fit_problem import (
 )
 from fitters.ode.global_search import explains, grow, is_lost, scattered_starts, search
 from fitters.ode.intervals import Found, Method, checked_methods, disagreements, intervals_by
+from fitters.ode.known_inputs import gaps_of_inputs
 from fitters.ode.least_squares import (
     FINE,
     ROUGH,
@@ -396,7 +397,8 @@ def _notes(task: PreparedFit, target: Target) -> list[str]:
     """Notes for the reader, in addition to the status."""
     candidates = task.selection.used[task.selection.span]
     left_out_s = task.problem.t_s[candidates & ~target.used]
-    notes = [task.selection.note, task.problem.rhs.note]
+    inputs = gaps_of_inputs(task.trajectory, task.model, task.selection.span)
+    notes = [task.selection.note, task.problem.rhs.note, inputs]
     if left_out_s.size:
         times = ", ".join(f"{t:.4g}" for t in left_out_s[:5]) + (", ..." if left_out_s.size > 5 else "")
         share = f"{left_out_s.size} of {int(candidates.sum())} samples"

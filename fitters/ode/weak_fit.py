@@ -317,11 +317,13 @@ def _at_samples(problem: InitialValueProblem) -> InitialValueProblem:
 def weak_windows(t_s: Array, half_s: float, order: int) -> tuple[csr_array, csr_array]:
     """Weights (w, n) of the mean over each window, and those of the derivative in s^-order; half a window apart.
 
-    Those of the derivative are exact for polynomials of that order, as the integrals are, whatever the sampling.
+    Those of the derivative are exact for polynomials of that order, as the integrals are, whatever the sampling. A
+    window in a gap, which has fewer than half of the usual samples, is left out.
     """
     centres_s = np.arange(t_s[0] + half_s, t_s[-1] - half_s, half_s)
     firsts, lasts = np.searchsorted(t_s, [centres_s - half_s, centres_s + half_s])
-    counts = lasts - firsts
+    full = lasts - firsts >= np.median(lasts - firsts) / 2
+    centres_s, firsts, counts = centres_s[full], firsts[full], (lasts - firsts)[full]
     rows = np.repeat(np.arange(centres_s.size), counts)
     columns = np.arange(rows.size) - np.repeat(np.cumsum(counts) - counts, counts) + np.repeat(firsts, counts)
     u = (t_s[columns] - centres_s[rows]) / half_s

@@ -142,7 +142,10 @@ def _model(
         raise DataError(f"the equation is about {model.states[0].name}, but the table has {', '.join(units)}")
     if model.inputs:
         inputs = ", ".join(quantity.name for quantity in model.inputs)
-        raise DataError(f"a PEtab problem cannot hold the table of the input {inputs}; write it as a function of t")
+        raise DataError(
+            f"a PEtab problem cannot hold the table of the input {inputs}: write the input as a function of t in the "
+            "equation, e.g. sin(2*t) for u, or give the other program the table and the equation themselves"
+        )
     for name in (*model.units(), *(state.name for state in model.states)):
         if not name.isascii():
             raise DataError(f"PEtab takes ASCII letters only: give {name!r} another name in the equation")

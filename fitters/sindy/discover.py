@@ -15,6 +15,7 @@ All numbers come from the trajectory fit, none from the regression.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
@@ -23,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]  # ships none
 
+from fitters.input_hold import residual_over_noise
 from fitters.sindy.library import (
     DIFFERENCE,
     INPUT,
@@ -31,6 +33,7 @@ from fitters.sindy.library import (
     RATE,
     SIN,
     Library,
+    kind_of,
     library_of,
     turnover_of,
 )
@@ -63,6 +66,7 @@ from iris_sysid.types import (
 )
 
 NOTHING: Mapping[str, Estimate] = MappingProxyType({})
+BETTER = 0.5  # of the residual of an equation of first order, below which one of second order is taken
 ALIKE = 3.84  # chi-squared, one degree of freedom, 95 %: choices that differ by less are indistinguishable
 
 
@@ -80,7 +84,8 @@ def discover(
     Parameters
     ----------
     trajectories
-        One or several clips of the same quantities, of any lengths; only valid samples in motion are used.
+        One or several clips of the same quantities, of any lengths; only valid samples in motion are used. Angles and
+        positions have equations of second order; other quantities of first, and of second where that does not fit.
     quantities
         Names of the quantities to find equations for; by default all.
     known
@@ -117,24 +122,36 @@ def discover(
     ['z', "z'"]
     """
     clips = _clips(trajectories, quantities)
-    observed = clips[0].quantities, clips[0].input_quantities
-    candidates = library_of(*observed)
+    constants = {**clips[0].geometry, **known}
+
+    def found(moving: bool) -> Discovery:
+        library, pieces = _library_and_pieces(clips, moving)
+        rng = np.random.default_rng(seed)
+        if residual_of is None:
+            return _discovered(clips, library, _starts(pieces, library), constants, rng, resampled)
+        own = terms_of(library, residual_of)
+        choice, shares = beyond(clips, library, own, rng, resampled)
+        return _discovery(library, choice, own, shares, [], *_compared(clips, library, choice, constants))
+
     with threadpool_limits(limits=1, user_api="blas"):  # the matrices are small: threads cost more time than they save
-        pieces = [piece for clip in clips for piece in pieces_of(clip, candidates)]
-        if not pieces:
-            raise DataError("no stretch of motion without a gap is long enough to discover an equation in")
-        speeds = np.concatenate([piece.rates for piece in pieces])
-        candidates = library_of(*observed, turnover_of(speeds))
-        rng, constants = np.random.default_rng(seed), {**clips[0].geometry, **known}
-        if residual_of is not None:
-            own = terms_of(candidates, residual_of)
-            choice, shares = beyond(clips, candidates, own, rng, resampled)
-            discovery = _discovery(
-                candidates, choice, own, shares, [], *_compared(clips, candidates, choice, constants)
-            )
-        else:
-            discovery = _discovered(clips, candidates, _starts(pieces, candidates), constants, rng, resampled)
+        discovery = found(moving=False)
+        amounts = all(kind_of(quantity) == "amount" for quantity in clips[0].quantities)
+        if amounts and residual_of is None and discovery.status == "misfit":  # a unit as V tells no order
+            with suppress(FitError):
+                second = found(moving=True)
+                if residual_over_noise(second.fits) < BETTER * residual_over_noise(discovery.fits):
+                    discovery = second
     return replace(discovery, origin=_origin(clips))
+
+
+def _library_and_pieces(clips: Sequence[Trajectory], moving: bool) -> tuple[Library, list[Piece]]:
+    """The candidates, and the stretches of motion; ``moving`` as for :func:`fitters.sindy.library.library_of`."""
+    observed = clips[0].quantities, clips[0].input_quantities
+    library = library_of(*observed, moving=moving)
+    pieces = [piece for clip in clips for piece in pieces_of(clip, library)]
+    if not pieces:
+        raise DataError("no stretch of motion without a gap is long enough to discover an equation in")
+    return library_of(*observed, turnover_of(np.concatenate([piece.rates for piece in pieces])), moving), pieces
 
 
 def _discovered(

@@ -131,9 +131,13 @@ def kind_of(quantity: Quantity) -> Kind:
     return "amount"
 
 
-def variable_of(quantity: Quantity) -> Variable:
-    """The variable of an observed quantity: itself, or 1/r (a distance) for an apparent radius."""
+def variable_of(quantity: Quantity, moving: bool = False) -> Variable:
+    """The variable of an observed quantity: itself, or 1/r (a distance) for an apparent radius.
+
+    With ``moving`` an amount is the reading of a position, whose unit does not say so.
+    """
     kind = kind_of(quantity)
+    kind = "position" if moving and kind == "amount" else kind
     symbol = quantity.symbol or symbol_of(quantity.name)
     if kind == "size":
         state = Quantity(f"q_{quantity.name}", f"1/{quantity.unit}", rf"(1/{symbol})")
@@ -161,13 +165,16 @@ def value_of(variable: Variable, observed: Array) -> Array:
 
 @functools.lru_cache(maxsize=64)
 def library_of(
-    quantities: tuple[Quantity, ...], inputs: tuple[Quantity, ...] = (), turnover: float = TURNOVER
+    quantities: tuple[Quantity, ...],
+    inputs: tuple[Quantity, ...] = (),
+    turnover: float = TURNOVER,
+    moving: bool = False,
 ) -> Library:
     """The candidates for trajectories of these quantities and inputs, whose sign(v) turns over below ``turnover``.
 
-    Raises DataError when equations of two orders mix.
+    ``moving`` as for :func:`variable_of`. Raises DataError when equations of two orders mix.
     """
-    variables = tuple(variable_of(quantity) for quantity in quantities)
+    variables = tuple(variable_of(quantity, moving) for quantity in quantities)
     orders = {variable.order for variable in variables}
     if len(orders) > 1:
         listed = ", ".join(f"{variable.quantity.name} ({variable.quantity.unit})" for variable in variables)

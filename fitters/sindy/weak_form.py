@@ -15,6 +15,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from fitters.noise.measurement_noise import noise_from_differences, outliers_in_motion
+from fitters.ode.known_inputs import bridged
 from fitters.sindy.library import RATE, Library, evaluated, value_of
 from iris_sysid.errors import DataError
 from iris_sysid.types import Array, Mask, Trajectory
@@ -118,15 +119,14 @@ def _piece(trajectory: Trajectory, library: Library, run: slice, observed: Array
 
 
 def inputs_of(trajectory: Trajectory, library: Library, run: slice) -> Array | None:
-    """The library's inputs (m, u) in a run of samples, bridged linearly; DataError when one is not known at all."""
+    """The library's inputs (m, u) in a run of samples, bridged where not known; DataError when one is nowhere known."""
     if not library.inputs or trajectory.inputs is None:
         return None
     columns = []
     for quantity, values in zip(trajectory.input_quantities, trajectory.inputs.T, strict=True):
-        known = np.isfinite(values)
-        if not known.any():
+        if not np.isfinite(values).any():
             raise DataError(f"the input {quantity.name} has no known value; leave the column out or fill it in")
-        columns.append(np.interp(trajectory.t_s[run], trajectory.t_s[known], values[known]))
+        columns.append(bridged(trajectory.t_s, values, trajectory.hold)[run])
     return np.column_stack(columns)
 
 

@@ -8,7 +8,7 @@ import typer
 
 from iris_sysid.cli import _completion, _terminal
 from iris_sysid.cli._groups import with_groups
-from iris_sysid.cli.arguments import SET, TABLE, Force, Json, RecordArguments
+from iris_sysid.cli.arguments import TABLE, EquationArguments, Force, Json, RecordArguments
 
 if TYPE_CHECKING:
     from iris_sysid.diagnosis.planning.changes import SetUpChange
@@ -66,7 +66,6 @@ class FilmingArguments:
             "--phenomenon", help="What will be filmed, with --to; see list.", autocompletion=_completion.phenomena
         ),
     ] = None
-    known: Annotated[list[str], SET] = field(default_factory=list)
     distance: Annotated[float, typer.Option(help="Distance of the camera in m, with --to.", min=0.01)] = 2.0
     fps: Annotated[float, typer.Option("--fps", help="Frame rate in 1/s, with --to.", min=1.0)] = 60.0
     noise_px: Annotated[
@@ -78,6 +77,7 @@ class FilmingArguments:
 def plan(
     changes: ChangeArguments,
     camera: FilmingArguments,
+    stated: EquationArguments,
     record: RecordArguments,
     diagnosis: Diagnosed = None,
     clips: Clips = None,
@@ -88,28 +88,34 @@ def plan(
     """Rank what to film next: how likely each change of the set-up tells the possible effects apart.
 
     With --filmed, weigh the effects with the new clip, which was made with one of the changes. With --to, no clip is
-    needed: the smallest size of an effect that clips of several starts and lengths can show.
+    needed: the smallest size of an effect that clips of several starts and lengths can show. The model is that of the
+    diagnosis, unless one is stated.
 
     \b
     Example:
       iris-sysid plan diagnosis/ trajectory.csv -o plan/
     """
     if camera.to is not None:
-        _before_any_clip(camera.to, camera, output, force, json)
+        of_clips = {"--model": stated.model, "--equation": stated.equation, "--bound": stated.bound}
+        _terminal.refuse({**of_clips, "--free": stated.free}, "is about clips; --to takes the model of --phenomenon")
+        _before_any_clip(camera.to, camera, stated.known, output, force, json)
     elif diagnosis is None or not clips:
         raise typer.BadParameter(
             "give a diagnosis and its clips (iris-sysid plan out/diagnosis out), or --phenomenon and --to"
         )
     else:
-        from iris_sysid.cli import _records
+        from iris_sysid.cli import _own_equation, _records
 
-        _after_a_clip(diagnosis, clips, changes, _records.checked(record), output, force, json)
+        if stated.model or stated.equation or stated.bound:
+            _own_equation.check_one(stated)
+        _after_a_clip(diagnosis, clips, changes, stated, _records.checked(record), output, force, json)
 
 
 def _after_a_clip(
     diagnosis: Path,
     clips: list[Path],
     changes: ChangeArguments,
+    equation: EquationArguments,
     record: RecordArguments,
     output: Path | None,
     force: bool,
@@ -124,7 +130,7 @@ def _after_a_clip(
     stated = _stated(changes.change)
     costs, errors = dict(map(_number, changes.cost)), dict(map(_error, changes.precise))
     document = _diagnosed(diagnosis)
-    question = _question(document, tuple(changes.name), clips[0], record.columns)
+    question = _question(document, tuple(changes.name), equation, clips[0], record.columns)
     filmed = [] if changes.filmed is None else [changes.filmed]
     trajectories, new = (
         _as_diagnosed(_terminal.read_tables(tables, record.columns, question.model), document, record.hold)
@@ -158,7 +164,9 @@ def _check_folder(folder: Path | None, force: bool) -> None:
         check_writable(Path(folder or ".") / file, overwrite=force)
 
 
-def _before_any_clip(to: str, camera: FilmingArguments, output: Path | None, force: bool, json: bool) -> None:
+def _before_any_clip(
+    to: str, camera: FilmingArguments, known: list[str], output: Path | None, force: bool, json: bool
+) -> None:
     """Print the detection limits of the effect ``to``."""
     from iris_sysid.cli import _parsing
     from iris_sysid.io.files import write_atomic
@@ -170,7 +178,7 @@ def _before_any_clip(to: str, camera: FilmingArguments, output: Path | None, for
         raise typer.BadParameter("--to needs --phenomenon")
     effect, _, size = to.partition("=")
     model = MODELS.named(PHENOMENA.named(camera.phenomenon).model)
-    values = {name: given.value for name, given in _parsing.settings(camera.known, model.units()).items()}
+    values = {name: given.value for name, given in _parsing.settings(known, model.units()).items()}
     from iris_sysid.diagnosis.planning.detection_limit import camera_limits
     from iris_sysid.report.plan_text import limits_document, limits_text
 
@@ -201,17 +209,25 @@ def _as_diagnosed(clips: "list[Trajectory]", document: "DiagnosisDocument", hold
     return clips if found is None else [clip.with_(hold=found) for clip in clips]
 
 
-def _question(document: "DiagnosisDocument", names: tuple[str, ...], clip: Path, columns: str | None) -> "Question":
-    """What a diagnosis of a clip left open; ``names``, where given, are asked about instead."""
+def _question(
+    document: "DiagnosisDocument", names: tuple[str, ...], stated: EquationArguments, clip: Path, columns: str | None
+) -> "Question":
+    """What a diagnosis of a clip left open; ``names`` and the model and values ``stated`` replace those it had."""
     from dataclasses import replace
 
-    from iris_sysid.cli import _model_choice
+    from iris_sysid.cli import _model_choice, _parsing
     from iris_sysid.io.csv_read import read_trajectory
     from iris_sysid.io.table_headers import parse_columns
 
-    first = read_trajectory(clip, None if columns is None else parse_columns(columns))
-    question = _asked(document, _model_choice.model_of_fit(document.base, first))
-    return replace(question, names=names) if names else question
+    if stated.model or stated.equation:
+        model = _model_choice.stated_model(stated, None, [clip], columns)[0]
+    else:
+        first = read_trajectory(clip, None if columns is None else parse_columns(columns))
+        model = _model_choice.model_of_fit(document.base, first)
+    asked = _asked(document, model)
+    fixed = {**asked.fixed, **_parsing.settings(stated.known, model.units())}
+    free = tuple(dict.fromkeys((*asked.free, *stated.free)))
+    return replace(asked, names=names or asked.names, fixed=fixed, free=free)
 
 
 def _asked(document: "DiagnosisDocument", model: "OdeModel") -> "Question":

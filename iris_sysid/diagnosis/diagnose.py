@@ -27,7 +27,7 @@ from iris_sysid.diagnosis.kept_component import kept_effects
 from iris_sysid.diagnosis.library import EffectLibrary
 from iris_sysid.diagnosis.model_averaging import spanning
 from iris_sysid.diagnosis.noise_notes import noise_notes
-from iris_sysid.diagnosis.notes import diagnostic_notes, negative_damping_note, weak_notes
+from iris_sysid.diagnosis.notes import diagnostic_notes, input_gap_notes, negative_damping_note, weak_notes
 from iris_sysid.diagnosis.open_world import Judgement, OpenWorld, with_components
 from iris_sysid.diagnosis.prediction_error import fitted_error
 from iris_sysid.diagnosis.refit import ModelWithEffects, pooled, with_free_geometry
@@ -478,6 +478,7 @@ def _diagnosis(
         notes=(
             *stopped,
             *diagnostic_notes(base.fits, rounds[0], cache.failed),
+            *input_gap_notes(cache.clips),
             *negative_damping_note(final.fits),
             *report.rejected(),
             *weak_notes(answer.weak),

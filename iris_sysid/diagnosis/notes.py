@@ -6,12 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from fitters.ode import FitRequest
+from fitters.ode.known_inputs import gaps_of_inputs
 from iris_sysid.diagnosis.measurement_errors import RESOLVED_AT, RESOLVED_SAMPLES
 from iris_sysid.types import DiagnosticNote, Estimate, FitResult, NoteKind, Score
 
 MAX_NAMED = 3  # clips or effects that a note names; further ones are counted
 REJECTED = {
-    "rejected-sign": "because a negative value adds energy (in a tank: water)",
+    "rejected-sign": "because a negative value adds energy (in a tank: water), or acts before its cause",
     "rejected-size": f"because it moves fewer than {RESOLVED_SAMPLES} samples by {RESOLVED_AT:g} stated errors",
 }
 
@@ -80,6 +82,19 @@ def weak_notes(sizes: Sequence[tuple[str, Estimate]]) -> tuple[DiagnosticNote, .
     return _notes("weak", texts)
 
 
+def input_gap_notes(clips: Sequence[FitRequest]) -> tuple[DiagnosticNote, ...]:
+    """Say where the inputs of clips are not known, which leaves a residual that no effect explains.
+
+    Parameters
+    ----------
+    clips
+        What is fitted to each.
+    """
+    found = [gaps_of_inputs(clip.trajectory, clip.model, slice(None)) for clip in clips]
+    texts = [f"{_clip(k, clips)}{text}" for k, text in enumerate(found) if text]
+    return _notes("input-gap", texts)
+
+
 def negative_damping_note(finals: Sequence[FitResult]) -> tuple[DiagnosticNote, ...]:
     """Say where a damping of the model is below zero: the fit then imitates a missing effect by a gain of energy.
 
@@ -104,7 +119,7 @@ def _failure(name: str, fit: FitResult) -> str:
     return f"the refit with {name} failed ({fit.status}): {fit.finding}"
 
 
-def _clip(k: int, fits: Sequence[FitResult]) -> str:
+def _clip(k: int, fits: Sequence[object]) -> str:
     return f"clip {k + 1}: " if len(fits) > 1 else ""
 
 

@@ -22,7 +22,8 @@ NUMPY, MATLAB, HDF5 = b"\x93NUMPY", b"MATLAB 5.0 MAT-file", b"\x89HDF\r\n\x1a\n"
 HEADER, TAG, COMPRESSED = 128, 8, 15  # bytes of a .mat's header and of an element's tag, type of a compressed one
 PIECE = 1 << 20  # bytes unpacked at once
 SAMPLE_TIMES, SAMPLE_RATES = ("ts", "dt", "t_sample", "sampletime"), ("fs", "f_s", "samplerate")
-REMEDY = "save the columns as CSV, or as plain arrays with save -v7"
+REMEDY = "save the columns as CSV, or as plain arrays of numbers (in MATLAB with save -v7)"
+NUMBERS = "iufb"  # kinds of NumPy's types
 
 Columns = tuple[tuple[str, ...], list[Array], tuple[str, ...]]  # titles, columns (n,), notes on the others
 
@@ -33,7 +34,7 @@ def is_array_file(data: bytes) -> bool:
 
 
 def array_columns(data: bytes, label: str) -> Columns:
-    """The columns (n,) of the arrays in a file, by title; a scalar Ts or fs gives the times.
+    """The columns (n,) of the arrays in a file, or of the fields of its only one, by title; Ts or fs gives the times.
 
     Parameters
     ----------
@@ -48,15 +49,17 @@ def array_columns(data: bytes, label: str) -> Columns:
         When the file is damaged, of another version, unpacks to too much, or holds no columns of numbers.
     """
     if data.startswith(NUMPY):
-        return _titled({"": _numpy_array(data, label)}, label)
+        return _titled(_numpy_arrays(data, label), label)
     if not data.startswith(MATLAB):
         raise DataError(f"{label} is a MATLAB file of version 7.3, which is not read; {REMEDY}")
     return _titled(_matlab_arrays(data, label), label)
 
 
-def _numpy_array(data: bytes, label: str) -> Array:
+def _numpy_arrays(data: bytes, label: str) -> dict[str, Array]:
+    """The array of a .npy file without a name; its fields by name where it has some."""
     try:
-        return np.asarray(np.load(io.BytesIO(data), allow_pickle=False, max_header_size=10_000))
+        array: Any = np.load(io.BytesIO(data), allow_pickle=False, max_header_size=10_000)
+        return {name: array[name] for name in array.dtype.names or ()} or {"": array}
     except (ValueError, OSError, EOFError, MemoryError, TypeError, SyntaxError) as error:
         raise DataError(f"{label} cannot be read as a .npy file: {str(error).splitlines()[0]:.200}") from error
 
@@ -106,7 +109,7 @@ def _flat(values: Mapping[str, object], within: str = "") -> Iterator[tuple[str,
             yield from _flat(value, f"{within}{name}.")
         elif not isinstance(value, (str, list)):
             array = np.asarray(value)
-            if array.dtype.kind in "iufb":
+            if array.dtype.kind in NUMBERS:
                 yield f"{within}{name}", array
 
 
@@ -115,18 +118,18 @@ def _flat(values: Mapping[str, object], within: str = "") -> Iterator[tuple[str,
 
 def _titled(arrays: Mapping[str, Array], label: str) -> Columns:
     """The columns of the usual length; one name for a single column, names with numbers for several."""
-    if any(array.dtype.kind not in "iufb" for array in arrays.values()):
-        raise DataError(f"{label} does not hold numbers; {REMEDY}")
-    tables = {name: _upright(array) for name, array in arrays.items() if 0 < array.ndim <= 2 and array.size > 1}
+    numbers = {name: array for name, array in arrays.items() if array.dtype.kind in NUMBERS}
+    tables = {name: _upright(array) for name, array in numbers.items() if 0 < array.ndim <= 2 and array.size > 1}
     if not tables:
-        raise DataError(f"{label} holds no columns of numbers (arrays: {', '.join(arrays) or 'none'}); {REMEDY}")
+        found = ", ".join(f"{name} {array.dtype} {array.shape}".strip() for name, array in arrays.items())
+        raise DataError(f"{label} holds no columns of numbers (arrays: {found or 'none':.200}); {REMEDY}")
     count = max(Counter(len(table) for table in tables.values()).items(), key=lambda item: (item[1], item[0]))[0]
     kept = {name: table for name, table in tables.items() if len(table) == count}
     titles = list(chain.from_iterable(_titles(name, table.shape[1]) for name, table in kept.items()))
     columns = list(chain.from_iterable(table.T for table in kept.values()))
     left = [name for name in arrays if name not in kept]
     said = [f"left out, not {count} numbers long: {', '.join(left[:8])}"] if left else []
-    step_s = _sample_time(arrays)
+    step_s = _sample_time(numbers)
     if step_s is not None and not any(title.lower() in ("t", "time") for title in titles):
         titles, columns = ["t (s)", *titles], [step_s * np.arange(count), *columns]
         said = [f"times every {step_s:g} s, as the file states"]

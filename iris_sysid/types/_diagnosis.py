@@ -31,6 +31,7 @@ NoteKind = Literal[
     "weak",
     "quantisation",
     "level-noise",
+    "input-gap",
     "stopped",
 ]
 

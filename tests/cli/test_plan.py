@@ -130,6 +130,17 @@ def test_equation_of_a_diagnosis_is_planned_for(diagnosed, cli, tmp_path):
     assert "tell quadratic-drag and coulomb-friction apart" in outcome.out
 
 
+def test_plan_takes_an_equation_with_its_bounds_and_values(diagnosed, cli, tmp_path):
+    given = ("--equation", "theta'' = -g/len*sin(theta) - b*theta'", "--set", "g=9.80665", "--bound", "len=0.1:2")
+    outcome = cli("plan", diagnosed / "diagnosis", diagnosed / "small.csv", *ASKED, *given, "--precise", "len=0.1%")
+    assert outcome.status == 0, outcome.err
+    assert "tell quadratic-drag and coulomb-friction apart" in outcome.out
+    assert "len " in outcome.out
+    refused = cli("plan", "--phenomenon", "pendulum", "--to", "quadratic-drag", *given)
+    assert refused.status == 1
+    assert "--equation is about clips" in refused.err
+
+
 def test_values_of_single_clips_are_told_by_path_and_by_number():
     clips, paths = [swing(0.15), swing(0.15, seed=1)], [Path("light.csv"), Path("heavy.csv")]
     light, heavy = with_clip_settings(clips, paths, ["heavy.csv:mass=0.4", "1:mass=0.1", "2:radius=25mm"], {})

@@ -94,7 +94,10 @@ def test_the_figure_of_the_guide_is_what_its_command_draws(folder):
 def test_draws_of_the_posterior_are_written_and_summarised(folder):
     pytest.importorskip("emcee")
     command = f'iris-sysid fit motor.csv --equation "{MODEL}" --hold zero --posterior draws.csv -o motor.json'
-    said = output_of(command)
+    (folder / "draws.csv").write_text("of another fit\n")
+    with pytest.raises(IrisError, match=r"draws\.csv exists already; give another name, or --force"):
+        output_of(command)
+    said = output_of(f"{command} --force")
     draws = pd.read_csv("draws.csv")
     assert list(draws.columns)[2] == "w_0 [rad]"
     estimates = json.loads((folder / "motor.json").read_text())["parameters"]
@@ -159,6 +162,22 @@ def test_structures_and_a_sampling_rate_of_a_mat_file_are_read(folder):
     savemat("nested.mat", {"data": {"u": u, "y": w, "fs": 10.0}})
     record = read_trajectory("nested.mat", {"t": "t (s)", "u[V]": "data.u", "w[rad]": "data.y"})
     assert np.diff(record.t_s) == pytest.approx(STEP_S)
+
+
+def test_named_fields_of_a_npy_file_are_its_columns(folder):
+    u, w = motor(0)
+    fields = np.zeros(u.size, dtype=[("voltage", "f4"), ("speed", "f8"), ("who", "U4")])
+    fields["voltage"], fields["speed"] = u, w
+    np.save("fields.npy", fields[["voltage", "speed"]])
+    record = read_trajectory("fields.npy", {"t[0.1 s]": "row", "u[V]": "voltage", "w[rad]": "speed"})
+    assert record.position[:, 0].tolist() == w.tolist()
+    assert record.inputs[:, 0] == pytest.approx(u, abs=1e-6)
+    np.save("fields.npy", fields)
+    record = read_trajectory("fields.npy", {"t[0.1 s]": "row", "u[V]": "voltage", "w[rad]": "speed"})
+    assert record.position[:, 0].tolist() == w.tolist()
+    np.save("fields.npy", fields["who"])
+    with pytest.raises(DataError, match=r"no columns of numbers \(arrays: <U4 \(240,\)\); save the columns as CSV"):
+        read_trajectory("fields.npy", {"t[0.1 s]": "row"})
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from iris_sysid import Trajectory, diagnose, model_from_equation, simulate
 from iris_sysid.diagnosis import block_means, fit_cache
 
 CART = model_from_equation("q'' = (35*u - c*q' - k*q)/m", units={"q": "m", "u": "V", "m": "kg"})
-SATURATED = model_from_equation("q'' = (35*6*tanh(u/6) - c*q' - k*q)/m", units={"q": "m", "u": "V", "m": "kg"})
+SATURATED = model_from_equation("q'' = (35*max(min(u, 6), -6) - c*q' - k*q)/m", units={"q": "m", "u": "V", "m": "kg"})
 DRY = model_from_equation("q'' = (35*u - c*q' - k*q)/m - 1.3*tanh(q'/0.02)", units={"q": "m", "u": "V", "m": "kg"})
 VALUES = {"c": 20.0, "k": 150.0, "m": 9.0, "q_0": 0.0, "q_rate_0": 0.0}
 PART, WHOLE = 600, 1500

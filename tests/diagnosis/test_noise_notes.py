@@ -1,4 +1,4 @@
-"""Notes state the noise of steps and noise that depends on the level, with their size; even noise has no note."""
+"""Notes state the noise of steps and noise that depends on the level, with their size, and gaps of the input."""
 
 import re
 
@@ -39,6 +39,15 @@ def notes(read, seed):
     found = diagnose(clip, MODEL)
     assert not found.added
     return {note.kind: note.text for note in found.notes}
+
+
+def test_note_says_how_long_the_input_is_not_known():
+    kept = np.r_[0:300, 330:800]
+    seen = even(np.random.default_rng(0))[kept]
+    unknown, valid = np.full_like(seen, np.nan), np.ones(kept.size, bool)
+    clip = Trajectory(T_S[kept], MODEL.observed, seen, unknown, valid, MODEL.inputs, FORCE[kept])
+    found = {note.kind: note.text for note in diagnose(clip, MODEL, effects=["quadratic-drag"]).notes}
+    assert "in a gap of 0.31 s and taken on a line there" in found["input-gap"]
 
 
 @pytest.mark.parametrize("seed", range(3))

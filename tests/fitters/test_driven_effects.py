@@ -55,6 +55,14 @@ def cut(level=0.8):
     return oscillator(lambda t: float(np.clip(smooth(t), -level, level)))
 
 
+def bent(share=0.3, largest=2.0):
+    return oscillator(lambda t: smooth(t) + share * smooth(t) ** 3 / largest**2)
+
+
+def squared(share=-0.3, largest=2.0):
+    return oscillator(lambda t: smooth(t) + share * smooth(t) * abs(smooth(t)) / largest)
+
+
 def loose(gap=0.4):
     """Play, followed on a grid a hundred times finer than the samples."""
     fine = np.arange(100 * SAMPLES) / RATE_HZ / 100
@@ -106,23 +114,25 @@ CASES = [
     Case("input-delay", late, 0.05),
     Case("input-dead-zone", dead, 0.25),
     Case("input-saturation", cut, 1.0, shape=(0.8, 0.0), others={"saturation_level": 0.8}),
+    Case("input-non-linearity", bent, 0.3, shape=(3.0, 2.0, 0.0)),
+    Case("input-non-linearity", squared, -0.3, shape=(2.0, 2.0, 0.0)),
     Case("input-backlash", loose, 0.4),
     Case("cogging", cogs, 0.3, CART, shape=(20.0, 0.5), others={"cogging_waves": 20.0}, near=False),
     Case("directional-drag", uneven, 0.3, others={"damping": 0.6}),
     Case("sensor-saturation", clipped, 1.0, shape=(-0.055, 0.045), others={"sensor_low": -0.06, "sensor_high": 0.05}),
     Case("rectified-reading", unsigned, 0.2),
 ]
-each = pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
-MADE: dict[str, Trajectory] = {}
+each = pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case.name}-{case.seen.__name__}")
+MADE: dict[object, Trajectory] = {}
 
 
 def clip_of(case):
-    if case.name not in MADE:
+    if case.seen not in MADE:
         seen = case.seen()[:, None] + NOISE * np.random.default_rng(1).standard_normal((SAMPLES, 1))
         unknown, valid = np.full_like(seen, np.nan), np.ones(SAMPLES, bool)
         inputs = smooth(T_S)[:, None]
-        MADE[case.name] = Trajectory(T_S, case.model.observed, seen, unknown, valid, case.model.inputs, inputs)
-    return MADE[case.name]
+        MADE[case.seen] = Trajectory(T_S, case.model.observed, seen, unknown, valid, case.model.inputs, inputs)
+    return MADE[case.seen]
 
 
 @each
@@ -169,6 +179,18 @@ def test_a_held_input_that_is_late_acts_as_its_mean_until_the_next_sample():
     t_s, u = np.arange(5.0), np.array([0.0, 2.0, 2.0, 4.0, 4.0])
     acting = EFFECTS["input-delay"].drive(t_s, u[:, None], np.array([0.25, 0.0]))
     assert acting[:, 0].tolist() == [0.0, 1.5, 2.0, 3.5, 4.0]
+
+
+def test_an_input_that_acts_early_gives_no_delay_below_zero():
+    seen = late(-0.05)[:, None] + NOISE * np.random.default_rng(1).standard_normal((SAMPLES, 1))
+    unknown, valid = np.full_like(seen, np.nan), np.ones(SAMPLES, bool)
+    clip = Trajectory(T_S, OSCILLATOR.observed, seen, unknown, valid, OSCILLATOR.inputs, smooth(T_S)[:, None])
+    base = fit(clip, OSCILLATOR)
+    start = {name: base.estimates[name].value for name in base.free} | {"input_delay": 0.01}
+    composed = with_effect(OSCILLATOR, EFFECTS["input-delay"])
+    found = fit(clip, composed, start=start, options=FitOptions(local=True, multistart=0))
+    assert 0.0 <= found.estimates["input_delay"].value < 1e-3
+    assert found.status == "at-bound"
 
 
 def test_an_effect_on_one_of_two_inputs_leaves_the_other():

@@ -461,6 +461,23 @@ def test_model_with_an_input_is_fitted_with_the_input_held():
     assert_recovers(result, {"leak": 0.4, "gain": 0.8, "h_0": 1.0})
 
 
+def test_an_input_is_held_where_it_is_not_known_and_the_notes_say_how_long():
+    whole = tank_clip(hold="zero-order")
+    pump = whole.inputs.repeat(1, axis=1)
+    pump[100:104] = pump[99]  # held by the pump as well
+    level = simulate(TANK, whole.t_s, {"leak": 0.4, "gain": 0.8, "h_0": 1.0}, inputs=pump, hold="zero-order").observed
+    unknown = pump.copy()
+    unknown[100:104] = np.nan
+    result = fit(whole.with_(position=level, inputs=unknown), TANK)
+    assert result.estimates["gain"].value == pytest.approx(0.8, rel=1e-6)
+    assert "the input is not known in a gap of 0.5 s and held at the last value there" in result.message
+    kept = np.r_[0:100, 104:200, 210:300]
+    cut = {"position": level[kept], "sigma": whole.sigma[kept], "valid": whole.valid[kept], "inputs": pump[kept]}
+    result = fit(whole.with_(t_s=whole.t_s[kept], **cut), TANK)
+    assert "in 2 gaps of up to 1.1 s and held at the last value" in result.message
+    assert "the input is not known" not in fit(whole, TANK).message
+
+
 def test_model_in_plain_python_is_fitted_and_the_message_says_so():
     names = {"a": 0}
     signs = {"minus": lambda x: -x}

@@ -328,7 +328,7 @@ def test_formulas_nested_too_deeply_are_refused_before_they_are_read(folder):
 def test_what_a_problem_cannot_hold_is_refused(tmp_path):
     clip = swing()
     for equation, message in {
-        "theta' = u": "cannot hold the table of the input u",
+        "theta' = u": "cannot hold the table of the input u: write the input as a function of t",
         "θ' = -k*θ; theta' = θ": "ASCII letters only: give 'θ",
         "z' = -k*z": "the equation is about z, but the table has theta",
     }.items():

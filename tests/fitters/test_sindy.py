@@ -117,6 +117,21 @@ def test_known_input_enters_the_equation():
     assert push_found.coefficient.unit == "m/s^2/V"
 
 
+def test_position_that_a_sensor_reads_in_volts_has_an_equation_of_second_order():
+    drive, reading = Quantity("u", "V"), Quantity("y", "V")
+    t_s = np.arange(600) / 60
+    u = np.sign(np.sin(1.3 * t_s))[:, None]
+    model = MODELS["driven-oscillator"]
+    values = {"mass": 0.5, "damping": 0.6, "stiffness": 20.0, "z_0": 0.1, "vz_0": 0.0}
+    y = simulate(model, t_s, values, inputs=u, hold="zero-order").observed
+    clip = seen(t_s, y, reading, noise=3e-4, input_quantities=(drive,), inputs=u, hold="zero-order")
+    discovery = discover(clip, resampled=5)
+    assert [equation.lhs for equation in discovery.equations] == ["y''"]
+    found = {term.term: term.coefficient for term in discovery.selected}
+    assert {name: one.value for name, one in found.items()} == pytest.approx({"y": -40, "y'": -1.2, "u": 2}, rel=0.02)
+    assert found["u"].unit == "V/s^2/V"
+
+
 def test_oscillator_is_found_in_the_recording_of_an_air_track():
     clip = real.schmidt_lipson_linear()
     matched = discover(clip, resampled=20).matched
