@@ -92,6 +92,8 @@ def track(
         When no tracker has that name.
     TrackingError
         When nothing moves, or nothing that moves can be followed.
+    VideoError
+        When there are fewer than three frames.
     """
     from iris_sysid.video.camera_motion.reference import tracked
     from iris_sysid.video.camera_motion.steady import SAMPLES

@@ -43,8 +43,8 @@ def detect(
 
     Raises
     ------
-    TrackingError
-        When the clip does not show what the detector needs, e.g. has fewer than three frames.
+    VideoError, TrackingError
+        When the clip has fewer than three frames, or does not show what the detector needs.
     UnknownNameError
         When no detector has that name.
     """

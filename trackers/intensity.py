@@ -28,6 +28,7 @@ from iris_sysid.types import (
     TrackQuality,
     Transfer,
     assumed_transfer,
+    check_count,
     transfer_tagged,
     with_progress,
 )
@@ -40,7 +41,6 @@ from trackers._regions.linear_light import linear_light
 from trackers._uncertainty.local_polynomial import excess_scatter, persistent, pooled
 
 SAMPLES = 40  # frames in which the region is sought
-MIN_FRAMES = 3
 MIN_EXPLAINED = 0.8  # of the changing pixels must follow the time series of the region
 SLOW = 45  # frames on either side over which the lag of compression lasts, while the light fades smoothly
 REPORT_EVERY = 10  # frames between two calls of the progress function
@@ -77,13 +77,14 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
     TrackingError
         When nothing changes its brightness, fewer regions than requested do, the changing region moves, or it is cut
         off at white throughout.
+    VideoError
+        When there are fewer than three frames.
     DataError, UnknownNameError
         When the options do not fit the clip, the file's tag names a curve that is not known, or a colour is unknown.
     """
     view = view_of(video, options)
     samples = video.sample(SAMPLES)
-    if len(samples) < MIN_FRAMES:
-        raise TrackingError(f"the clip has {len(samples)} frame(s); a change of brightness takes at least 3")
+    check_count(len(samples), "a change of brightness")
     transfer = transfer_of(samples[0], options)
     curve = linear_light(transfer, samples[0].coding.span)
     regions = _regions(view, samples, options)

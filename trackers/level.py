@@ -13,13 +13,22 @@ from dataclasses import dataclass
 import numpy as np
 
 from iris_sysid.errors import DataError, TrackingError
-from iris_sysid.types import Array, Frame, FrameSource, Track, Tracker, TrackerExample, TrackOptions, with_progress
+from iris_sysid.types import (
+    Array,
+    Frame,
+    FrameSource,
+    Track,
+    Tracker,
+    TrackerExample,
+    TrackOptions,
+    check_count,
+    with_progress,
+)
 from trackers._frames.working_image import View, view_of
 from trackers._regions.liquid_surface import STRIPS, WALL, WINDOW, Vessel, rough_levels, surface_of, vessel_of
 from trackers._uncertainty.local_polynomial import excess_scatter, pooled
 
 SAMPLES = 40  # frames from which both appearances are learned
-MIN_FRAMES = 3
 ROUNDS = 2  # in which levels and appearances are found in turn
 REPORT_EVERY = 10  # frames between two calls of the progress function
 
@@ -44,6 +53,8 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
     ------
     TrackingError
         When no surface moves, or it is in the image in no frame.
+    VideoError
+        When there are fewer than three frames.
     DataError
         When the options do not fit the clip.
     """
@@ -51,8 +62,7 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
     if options.bodies != 1 or options.colour is not None:
         raise DataError("the tracker level follows one surface and takes no colour; choose the vessel with --roi")
     samples = video.sample(SAMPLES)
-    if len(samples) < MIN_FRAMES:
-        raise TrackingError(f"the clip has {len(samples)} frame(s); a moving surface takes at least {MIN_FRAMES}")
+    check_count(len(samples), "a moving surface")
     strips = _strips_of(view, vessel_of(np.stack([view.search_image(frame) for frame in samples])))
     stack = np.stack([strips.means(frame) for frame in samples])
     levels = strips.swept.start + rough_levels(stack[:, strips.swept].mean(axis=2))

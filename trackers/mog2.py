@@ -36,7 +36,9 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
     Raises
     ------
     TrackingError
-        When nothing moves, when fewer bodies move than requested, or when there are fewer than three frames.
+        When nothing moves, or when fewer bodies move than requested.
+    VideoError
+        When there are fewer than three frames.
     DataError, UnknownNameError
         When the options do not fit the clip, or name an unknown colour.
     """

@@ -184,11 +184,13 @@ def _every_command(
 def main() -> None:
     """Run the command line; a reported failure is one line on stderr and exit status 1."""
     from iris_sysid.cli import _terminal
+    from iris_sysid.cli._completion import drop_equals
     from iris_sysid.errors import IrisError
     from iris_sysid.video.sandbox import run_limited, share_pools
 
     _terminal.replace_unprintable()
     share_pools()
+    drop_equals()
     debug = "--debug" in sys.argv
     arguments = [argument for argument in sys.argv[1:] if argument not in ("--debug", "--sandbox")]
     try:

@@ -2,7 +2,21 @@
 
 from __future__ import annotations
 
+import os
+import shlex
 from collections.abc import Callable, Iterable
+from contextlib import suppress
+
+BASH = "complete_bash"
+
+
+def drop_equals() -> None:
+    """Complete ``--model=li`` as ``--model li``: bash hands over the equals sign as a word of its own."""
+    if os.environ.get("_IRIS_SYSID_COMPLETE") == BASH:
+        with suppress(ValueError):  # a quote is still open
+            words, current = shlex.split(os.environ["COMP_WORDS"]), int(os.environ["COMP_CWORD"])
+            os.environ["COMP_WORDS"] = shlex.join([word for k, word in enumerate(words) if word != "=" or k >= current])
+            os.environ["COMP_CWORD"] = str(current - words[:current].count("="))
 
 
 def _beginning(names: Iterable[str], incomplete: str) -> list[str]:

@@ -66,9 +66,11 @@ def _ask_for_phenomenon(video: Path, output: Path, film: list[str]) -> NoReturn:
     ``film`` holds the other options as typed.
     """
     from iris_sysid.registry import PHENOMENA
+    from iris_sysid.types import check_count
     from iris_sysid.video.reader import open_video
 
-    open_video(video, fps=1.0)
+    if frames := len(open_video(video, fps=1.0).frame_times):  # none where only decoding tells
+        check_count(frames, "a motion")
     typer.echo(
         f"choose the phenomenon of {_terminal.one_line(video.name)} with --phenomenon NAME, or on the page:", err=True
     )

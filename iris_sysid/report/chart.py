@@ -16,7 +16,7 @@ from iris_sysid.report.typeset import typeset
 from iris_sysid.types import Array, Mask
 
 WIDTH, HEIGHT = 720, 240  # of the SVG, in its own units
-LEFT, RIGHT, TOP, BOTTOM = 70, 12, 12, 44  # margins for the labels
+LEFT, RIGHT, TOP, BOTTOM = 78, 12, 12, 44  # margins for the labels
 LINE = 17  # between two lines of text
 LINES = 5  # lines of the grid along the height
 DIGITS = 5  # of a number in the page

@@ -24,6 +24,7 @@ from iris_sysid.types._clip import FrameSource as FrameSource
 from iris_sysid.types._clip import Track as Track
 from iris_sysid.types._clip import TrackCandidate as TrackCandidate
 from iris_sysid.types._clip import TrackOptions as TrackOptions
+from iris_sysid.types._clip import check_count as check_count
 from iris_sysid.types._component_words import KIND_NAMES as KIND_NAMES
 from iris_sysid.types._component_words import KINDS_IN_WORDS as KINDS_IN_WORDS
 from iris_sysid.types._component_words import MEANINGS as MEANINGS

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from iris_sysid.errors import DataError
+from iris_sysid.errors import DataError, VideoError
 from iris_sysid.types._arrays import Array, Mask, frozen_array, frozen_mask, increasing_times
 from iris_sysid.types._display import Shown, text_of
 from iris_sysid.types._error_autocorrelation import ErrorAutocorrelation
@@ -19,6 +19,7 @@ from iris_sysid.types._track_quality import TrackMark, TrackQuality
 from iris_sysid.types._transfer import PixelCoding, Transfer
 
 UNSTATED = PixelCoding()
+MIN_FRAMES = 3
 
 
 def _no_chroma() -> None:
@@ -67,6 +68,12 @@ class FrameSource(Protocol):
 
     def sample(self, count: int) -> list[Frame]:
         """About ``count`` frames spread evenly over the clip, as cheaply as the container allows."""
+
+
+def check_count(frames: int, purpose: str) -> None:
+    """VideoError where a clip has too few frames for any motion: no mark in it, and no review of it, can help."""
+    if frames < MIN_FRAMES:
+        raise VideoError(f"the clip has {frames} frame(s); {purpose} takes at least {MIN_FRAMES}")
 
 
 @dataclass(frozen=True, slots=True)

@@ -105,14 +105,15 @@ def test_every_cell_names_its_column_for_a_phone():
     assert all(cell["data-label"] for cell in cells)
 
 
-def test_nothing_is_cut_on_a_phone(tmp_path):
+@pytest.mark.parametrize("width", [400, 1200])
+def test_nothing_is_cut_on_a_phone_or_a_desk(tmp_path, width):
     browser_is_there()
     page = write_page(odd_class(), "class", tmp_path / "class.html")
     with started_browser(tmp_path / "profile") as browser:
-        size = {"width": 400, "height": 800, "deviceScaleFactor": 1, "mobile": True}
+        size = {"width": width, "height": 800, "deviceScaleFactor": 1, "mobile": width == 400}
         browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
         browser.get(page.as_uri())
-        assert browser.execute_script("return document.documentElement.scrollWidth") <= 400
+        assert browser.execute_script("return document.documentElement.scrollWidth") <= width
         cut = "return [...document.querySelectorAll('.scroll, td')].filter(b => b.scrollWidth > b.clientWidth + 1)"
         assert browser.execute_script(cut) == []
 

@@ -53,6 +53,8 @@ def test_completion_knows_the_commands(cli, monkeypatch):
         ("run clip.mp4 --phenomenon pe", ["pendulum"]),
         ("class clips --phenomenon dro", ["dropping-ball"]),
         ("fit a.csv --model li", ["linear-oscillator", "linear-pendulum"]),
+        ("fit a.csv --model = li", ["linear-oscillator", "linear-pendulum"]),  # as bash splits --model=li
+        ("fit a.csv --hold = z", ["zero"]),
         ("diagnose a.csv --model au", ["auto"]),
         ("track clip.mp4 --tracker di", ["disc"]),
         ("render --effect quad", ["quadratic-drag="]),

@@ -10,8 +10,7 @@ from itertools import takewhile
 import cv2
 import numpy as np
 
-from iris_sysid.errors import TrackingError
-from iris_sysid.types import Frame, FrameSource, TrackOptions, with_progress
+from iris_sysid.types import Frame, FrameSource, TrackOptions, check_count, with_progress
 from trackers._background.median import (
     Background,
     BackgroundEstimate,
@@ -90,13 +89,12 @@ def background_of(samples: SampledFrames, estimate: BackgroundEstimate, usable: 
 
 
 def detection_setup(video: FrameSource, view: View, coarse: bool = False) -> DetectionSetup:
-    """Background, noise and bounds from frames sampled over the clip; TrackingError when there are too few.
+    """Background, noise and bounds from frames sampled over the clip; VideoError when there are too few.
 
     With ``coarse`` an image whose bodies are large is searched at half the usual size.
     """
     samples = video.sample(SAMPLES)
-    if len(samples) < 3:
-        raise TrackingError(f"the clip has {len(samples)} frame(s): the background takes at least 3")
+    check_count(len(samples), "the background")
     if coarse and _shows_large(half := replace(view, coarser=2), samples[::2]):
         view = half
     search_images = np.stack([view.with_chroma().search_image(frame) for frame in samples])

@@ -101,7 +101,9 @@ def follow(video: FrameSource, options: TrackOptions) -> MovingBodies:
     Raises
     ------
     TrackingError
-        When nothing moves, when fewer bodies move than requested, or when there are fewer than three frames.
+        When nothing moves, or when fewer bodies move than requested.
+    VideoError
+        When there are fewer than three frames.
     """
     view = view_of(video, options)
     if options.mask is not None:

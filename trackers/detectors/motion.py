@@ -26,7 +26,7 @@ def detect(video: FrameSource, options: TrackOptions) -> Detections:
 
     Raises
     ------
-    TrackingError
+    VideoError
         When there are fewer than three frames.
     DataError, UnknownNameError
         When the options do not fit the clip, or name an unknown colour.

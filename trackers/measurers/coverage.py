@@ -42,7 +42,9 @@ def measure(video: FrameSource, tracks: Sequence[Track], options: TrackOptions) 
     Raises
     ------
     TrackingError
-        When there are fewer than three frames, or nothing moves where a track is.
+        When nothing moves where a track is.
+    VideoError
+        When there are fewer than three frames.
     DataError
         When a track has no frame in common with the clip, or the options do not fit it.
     """

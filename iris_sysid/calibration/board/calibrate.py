@@ -17,6 +17,7 @@ from iris_sysid.calibration.board.detect import find_board, find_boards, grey_im
 from iris_sysid.calibration.board.frame_selection import choose_frames
 from iris_sysid.calibration.board.plane_pose import plane_from_board
 from iris_sysid.calibration.board.plane_view import with_plane_view_doubt
+from iris_sysid.calibration.board.rest import PlaneView, clearest_at_rest
 from iris_sysid.calibration.camera import CameraCalibration, FittedView, calibrate_camera, fitted_view
 from iris_sysid.errors import CalibrationError
 from iris_sysid.types import Array, Calibration, Frame
@@ -131,7 +132,7 @@ def calibrate_board(
     placement, options = placement or BoardPlacement(), options or CameraOptions()
     clip = _clip_of(sources)
     paths = [] if clip else _images_of(sources)
-    view, image = _plane_view(clip, paths, board, placement.view, options)
+    view, image, rest = _plane_view(clip, paths, board, placement.view, options)
     notes: tuple[str, ...] = ()
     views: Views | None = None
     if camera is None and not one_image:
@@ -148,7 +149,7 @@ def calibrate_board(
         up=placement.up,
     )
     first = () if placement.view is not None else (f"{view.name}, the first that shows the board, lies in its plane",)
-    calibration = replace(plane, assumed=(*plane.assumed, *first), notes=(*plane.notes, *notes))
+    calibration = replace(plane, assumed=(*plane.assumed, *first), notes=(*plane.notes, *rest, *notes))
     if views is not None and camera is not None and placement.view is None:
         calibration = with_plane_view_doubt(calibration, view, views.views, board, camera, views.seen_px)
     if camera is None or one_image:
@@ -246,12 +247,12 @@ def _camera(views: Views, board: Board, options: CameraOptions) -> tuple[CameraC
 
 def _plane_view(
     clip: Video | None, paths: Sequence[Path], board: Board, requested: int | Path | None, options: CameraOptions
-) -> tuple[BoardView, Luma]:
-    """The view in the plane of motion, or parallel to it, and its image."""
+) -> PlaneView:
+    """The view in the plane of motion, or parallel to it."""
     if isinstance(requested, Path):
         return _view_in(requested, board, options)
     if clip is not None:
-        return _view_in_clip(clip, board, requested)
+        return clearest_at_rest(clip, *_view_in_clip(clip, board, requested), board)
     if requested is not None:
         if not 1 <= requested <= len(paths):
             raise CalibrationError(f"there is no image number {requested}; {len(paths)} were given, counted from 1")
@@ -265,12 +266,12 @@ def _plane_view(
     raise CalibrationError(f"none of {len(paths)} images shows the board; {first_error}")
 
 
-def _view_in(path: Path, board: Board, options: CameraOptions) -> tuple[BoardView, Luma]:
+def _view_in(path: Path, board: Board, options: CameraOptions) -> PlaneView:
     image = grey_image(path)
-    return find_board(image, board, window_px=options.window_px, name=path.name), image
+    return PlaneView(find_board(image, board, window_px=options.window_px, name=path.name), image)
 
 
-def _view_in_clip(clip: Video, board: Board, requested: int | None) -> tuple[BoardView, Luma]:
+def _view_in_clip(clip: Video, board: Board, requested: int | None) -> tuple[BoardView, Frame]:
     """The board in the frame of that number, or in the first that shows it."""
     if requested is None:
         return _first_view(clip, board)
@@ -278,18 +279,18 @@ def _view_in_clip(clip: Video, board: Board, requested: int | None) -> tuple[Boa
     for frame in clip.frames():
         last = frame
         if frame.index >= requested:
-            return _in_frame(frame, board), frame.luma.copy()
+            return _in_frame(frame, board), frame
     raise CalibrationError(f"the clip has no frame {requested}; its last is {last.index if last else 'none'}")
 
 
-def _first_view(clip: Video, board: Board) -> tuple[BoardView, Luma]:
+def _first_view(clip: Video, board: Board) -> tuple[BoardView, Frame]:
     """The board in the first frame that shows it: found quickly, then looked for slowly in some frames before that."""
     before: list[Frame] = []
     every, last = 1, None
     for frame in clip.frames():
         last = frame
         try:
-            view, luma = _in_frame(frame, board, thorough=False), frame.luma.copy()
+            view = _in_frame(frame, board, thorough=False)
         except BoardError as error:
             if error.seen:
                 raise
@@ -298,17 +299,17 @@ def _first_view(clip: Video, board: Board) -> tuple[BoardView, Luma]:
             if len(before) > SEARCHED_SLOWLY:
                 before, every = before[::2], 2 * every
             continue
-        return _slowly(before, board) or (view, luma)
+        return _slowly(before, board) or (view, frame)
     if last is None:
         raise CalibrationError("the clip has no frame to look for a board in")
-    return _slowly(before, board) or (_in_frame(last, board), last.luma)  # says why
+    return _slowly(before, board) or (_in_frame(last, board), last)  # says why
 
 
-def _slowly(frames: Sequence[Frame], board: Board) -> tuple[BoardView, Luma] | None:
+def _slowly(frames: Sequence[Frame], board: Board) -> tuple[BoardView, Frame] | None:
     """The board in the first of some frames that shows it when every scale is searched; None where none does."""
     for frame in frames:
         with suppress(BoardError):
-            return _in_frame(frame, board), frame.luma
+            return _in_frame(frame, board), frame
     return None
 
 

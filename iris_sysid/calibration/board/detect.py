@@ -181,12 +181,37 @@ def _chunks_are_within(data: bytes) -> bool:
 
 
 def _refined(grey: NDArray[np.uint8], rough: FoundCorners, board: Board, name: str, window_px: int | None) -> BoardView:
-    ids, rough_px, oriented = rough.ids, rough.corners_px, True
+    rough_px, oriented = rough.corners_px, True
     if board.marker_m is None:
         grid = rough_px.reshape(board.rows, board.columns, 2)
         check_ends(grey, rough_px, board)
         grid, oriented = oriented_grid(grey, grid)
         rough_px = grid.reshape(-1, 2)
+    return _fitted(grey, FoundCorners(rough.ids, rough_px), board, name, oriented=oriented, window_px=window_px)
+
+
+def find_again(grey: NDArray[np.uint8], view: BoardView, board: Board) -> BoardView:
+    """The ``view`` of a ``board`` in another image ``grey`` (h, w) of it, taken at about the same place.
+
+    Raises
+    ------
+    CalibrationError
+        When too many corners are no longer there.
+    """
+    rough = FoundCorners(view.ids, np.asarray(view.corners_px))
+    return _fitted(grey, rough, board, view.name, oriented=view.oriented).named(view.name, view.t_s)
+
+
+def _fitted(
+    grey: NDArray[np.uint8],
+    rough: FoundCorners,
+    board: Board,
+    name: str,
+    *,
+    oriented: bool,
+    window_px: int | None = None,
+) -> BoardView:
+    ids, rough_px = rough.ids, rough.corners_px
     points = board.points_m / board.square_m
     homography, _ = fit_homography(points[ids], rough_px)
     square_px = shortest_side(apply_homography(homography, points), board)
