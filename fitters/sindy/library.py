@@ -170,9 +170,16 @@ def library_of(
     turnover: float = TURNOVER,
     moving: bool = False,
 ) -> Library:
-    """The candidates for trajectories of these quantities and inputs, whose sign(v) turns over below ``turnover``.
+    """The candidates for trajectories of these quantities and inputs; DataError when equations of two orders mix.
 
-    ``moving`` as for :func:`variable_of`. Raises DataError when equations of two orders mix.
+    Parameters
+    ----------
+    quantities, inputs
+        What is observed, and what drives it.
+    turnover
+        Speed below which sign(v) turns over.
+    moving
+        As for :func:`variable_of`.
     """
     variables = tuple(variable_of(quantity, moving) for quantity in quantities)
     orders = {variable.order for variable in variables}

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from iris_sysid.errors import TrackingError
+from iris_sysid.errors import TrackingError, VideoError
 from iris_sysid.types import TrackOptions
 from tests._drawn import DrawnClip, disc, moving_disc, noisy, paint, swing
 from trackers._disc.fit import fit_disc, image_cutout
@@ -229,13 +229,13 @@ def test_what_is_large_and_soft_does_not_take_a_pixel_of_the_whole_image_each():
 
 
 BAD = [
-    (lambda: DrawnClip(noisy([PLAIN] * 25, 3.0)), "nothing"),
-    (lambda: moving_disc(swing(2, CENTRE, (50, 20)), 7, SHAPE), "2 frame.* at least 3"),
-    (bar_clip, "not round.*median-background"),
+    (lambda: DrawnClip(noisy([PLAIN] * 25, 3.0)), TrackingError, "nothing"),
+    (lambda: moving_disc(swing(2, CENTRE, (50, 20)), 7, SHAPE), VideoError, "2 frame.* at least 3"),
+    (bar_clip, TrackingError, "not round.*median-background"),
 ]
 
 
-@pytest.mark.parametrize(("clip", "text"), BAD, ids=["empty", "two-frames", "bar"])
-def test_clip_without_a_disc_is_refused_with_what_to_do(clip, text):
-    with pytest.raises(TrackingError, match=text):
+@pytest.mark.parametrize(("clip", "error", "text"), BAD, ids=["empty", "two-frames", "bar"])
+def test_clip_without_a_disc_is_refused_with_what_to_do(clip, error, text):
+    with pytest.raises(error, match=text):
         track(clip(), TrackOptions())

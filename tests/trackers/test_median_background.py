@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from iris_sysid.errors import DataError, TrackingError, UnknownNameError
+from iris_sysid.errors import DataError, TrackingError, UnknownNameError, VideoError
 from iris_sysid.types import TrackOptions
 from tests._drawn import DrawnClip, disc, moving_disc, noisy, paint, swing
 from trackers._detection.detect_frames import detection_setup, observe
@@ -381,7 +381,7 @@ def swinging():
 BAD = [
     (still_clip, {}, TrackingError, "nothing moves"),
     (faint_clip, {}, TrackingError, "nothing moves .* beyond the noise"),
-    (lambda: still_clip(2), {}, TrackingError, "2 frame.* at least 3"),
+    (lambda: still_clip(2), {}, VideoError, "2 frame.* at least 3"),
     (swinging, {"bodies": 2}, TrackingError, "2 bodies were requested, but only 1"),
     (swinging, {"bodies": 0}, DataError, "bodies = 0"),
     (swinging, {"roi": (0, 0, 500, 50)}, DataError, r"width=500.*160 px wide and 96 px high"),
