@@ -67,10 +67,9 @@ class Autoregression:
         order = self.partial.size
         steps = 1e-5 * np.eye(order) * (1.0 - self.partial**2)
         moved = [coefficients_of(self.partial + step)[-1] - coefficients_of(self.partial - step)[-1] for step in steps]
-        inverse = np.linalg.inv(np.array(moved).T / (2.0 * np.diag(steps)))
-        covariance = (
-            np.linalg.pinv(toeplitz(autocovariance(self.partial, order)), hermitian=True) / self.n
-        )  # exact data
+        # of exact data the residual is rounding, and either matrix may be singular
+        inverse = np.linalg.pinv(np.array(moved).T / (2.0 * np.diag(steps)))
+        covariance = np.linalg.pinv(toeplitz(autocovariance(self.partial, order)), hermitian=True) / self.n
         return np.asarray(inverse @ covariance @ inverse.T)
 
 
