@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
 
 from fitters.effects._drives import is_driven, on_one_input, which_parameter
-from fitters.effects._powers import MIN_BASE, power
+from fitters.effects._powers import MIN_BASE, SCALE, power
 from iris_sysid.types import Array, Effect, EffectExample, Parameter
 
 POWERS = (3.0, 2.0)
@@ -32,15 +33,12 @@ EFFECT = Effect(
     parameters=(
         Parameter("input_non_linearity", "1", "b", lower=-1.0, default=0.0),
         power("input_non_linearity", 3.0, (1.5, 5.0), "the first odd term of any smooth function; 2 is tried as well"),
-        Parameter(
-            "input_scale",
-            "1",
-            "u_1",
-            lower=MIN_BASE,
-            default=1.0,
-            constant=True,
+        replace(
+            SCALE,
+            name="input_scale",
+            unit="1",
+            symbol="u_1",
             source="the largest input; b is the share that it gains there",
-            role="shape",
         ),
         which_parameter("bent_input"),
     ),

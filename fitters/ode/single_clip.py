@@ -238,7 +238,7 @@ def find_minimum(request: FitRequest) -> Minimum:
     else:
         solution = search(task.problem, task.target, task.unknowns, _starts(task, request.start, options.multistart))
     _check_finite(request, task, solution)
-    refinement = _Refinement(options.loss, _accuracy(options, task.model, int(task.selection.used.sum())))
+    refinement = _Refinement(options.loss, _accuracy(options, int(task.selection.used.sum())))
     target, solution = _without_outliers(task, solution, refinement)
     if task.priors:
         task, solution = _with_priors_weighed(task, target, solution, refinement)
@@ -250,7 +250,7 @@ def find_minimum(request: FitRequest) -> Minimum:
     return Minimum(task, target, solution)
 
 
-def _accuracy(options: FitOptions, model: OdeModel, samples: int) -> Accuracy:
+def _accuracy(options: FitOptions, samples: int) -> Accuracy:
     """With what a fit ends; a local one is abandoned earlier where there are many samples."""
     if not options.local:
         return FINE

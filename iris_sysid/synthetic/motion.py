@@ -17,7 +17,7 @@ from iris_sysid.types import Array
 
 Rate = Callable[[float, Array], Array]  # (t s, state) -> d state / dt
 
-# below these the rounding of linear algebra changes steps, then pixels, then what the encoder makes of them
+# looser ones let the rounding of linear algebra change steps, then pixels, then what the encoder makes of them
 RELATIVE_TOLERANCE, ABSOLUTE_TOLERANCE = 1e-13, 1e-14
 MAX_EVENTS = 20_000
 RESTING_SPEED = 0.01  # m/s; slower impacts end the bouncing
