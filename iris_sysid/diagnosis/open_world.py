@@ -143,31 +143,43 @@ class OpenWorld:
         return self.surviving(model, findings)
 
     def surviving(self, model: ModelWithEffects, findings: Sequence[Finding]) -> tuple[Finding, ...]:
-        """The findings, one an effect; named is only what is needed with each rival of a larger effect in its place.
+        """The findings, one an effect; named is only what is needed whatever the form of a larger effect is.
 
-        An effect beside one whose form is not known may only make up for the wrong form.
+        An effect beside one whose form is not known may only make up for the wrong form: it is tried with each rival
+        of a larger effect in its place, and without a larger one that can imitate anything and is not named.
         """
         kept = []
         for effect, finding in zip(model.effects, findings, strict=True):
-            rival = self._not_needed_beside(model, effect, findings) if finding.word in ("named", "group") else ""
-            kept.append(replace(finding, word="located", reason=f"not needed with {rival}") if rival else finding)
+            reason = self._not_needed(model, effect, findings) if finding.word in ("named", "group") else ""
+            kept.append(replace(finding, word="located", reason=reason) if reason else finding)
         return tuple(kept)
 
-    def _not_needed_beside(self, model: ModelWithEffects, effect: Effect, findings: Sequence[Finding]) -> str:
-        """The rival of a larger effect that predicts as well in its place without this one; empty where none does."""
+    def _not_needed(self, model: ModelWithEffects, effect: Effect, findings: Sequence[Finding]) -> str:
+        """Why an effect is not needed beside another form of a larger one; empty where it is."""
         for main, finding in zip(model.effects, findings, strict=True):
-            is_larger = main is not effect and self.shares.alone(model, main) > self.shares.alone(model, effect)
-            if finding.word != "group" or not is_larger:
+            if main is effect or self.shares.alone(model, main) <= self.shares.alone(model, effect):
                 continue
             rest = self._cache.without(model, main)
-            for name in finding.effects[1 : 1 + RIVALS]:
-                if name == effect.name or not rest.usable:
-                    continue
-                inside = name in model.names
-                swapped = rest if inside else self._cache.with_added(rest, self._cache.screening(rest).single(name))
-                is_as_good = self.shares.predicts_as_well(swapped, model)
-                if is_as_good and not self.shares.removed_in(swapped, effect) >= NAMED_SHARE:
-                    return f"{name.replace('-', ' ')} in the place of {main.name.replace('-', ' ')}"
+            if not rest.usable:
+                continue
+            name = main.name.replace("-", " ")
+            if main.absorbs and finding.word == "located" and not self.shares.removed_in(rest, effect) >= NAMED_SHARE:
+                return f"not needed without {name}"
+            rival = self._rival_without(model, rest, effect, finding) if finding.word == "group" else ""
+            if rival:
+                return f"not needed with {rival.replace('-', ' ')} in the place of {name}"
+        return ""
+
+    def _rival_without(self, model: ModelWithEffects, rest: ModelWithEffects, effect: Effect, main: Finding) -> str:
+        """The rival of a larger effect, which ``rest`` lacks, that predicts as well without this effect; or empty."""
+        for name in main.effects[1 : 1 + RIVALS]:
+            if name == effect.name:
+                continue
+            inside = name in model.names
+            swapped = rest if inside else self._cache.with_added(rest, self._cache.screening(rest).single(name))
+            is_as_good = self.shares.predicts_as_well(swapped, model)
+            if is_as_good and not self.shares.removed_in(swapped, effect) >= NAMED_SHARE:
+                return name
         return ""
 
     def imitating(self, model: ModelWithEffects) -> list[Effect]:
