@@ -85,6 +85,13 @@ def test_clean_motion_leaves_nothing_to_be_said():
     assert found.after.heldout == pytest.approx(NOISE, rel=0.12)
 
 
+def test_force_divided_by_what_grows_is_one_drift_that_settles():
+    found = diagnose(table(motion(lambda t, x, v, base: base / (1.0 + 0.02 * t) - base)), "pendulum", effects=LIBRARY)
+    assert [effect.name for effect in found.added] == ["parameter-drift"]
+    size = found.sizes["parameter_drift"]
+    assert abs(size.value + 0.02) < 3.5 * size.stderr
+
+
 def _parts(rms: float, *parts: Component) -> Components:
     noise = 1.0 - sum(part.share for part in parts)
     return Components(parts, noise, rms, noise**0.5 * rms, 1.0, "rad", 0.0)
@@ -176,3 +183,19 @@ def test_what_imitates_anything_is_not_the_main_effect_beside_a_formula_that_exp
 
     assert dominant({"coulomb-friction": 0.6, "periodic-forcing": 0.96}) == "periodic-forcing"
     assert dominant({"coulomb-friction": 0.93, "periodic-forcing": 0.96}) is None
+
+
+@pytest.mark.parametrize(("removed", "word"), [(0.1, "located"), (0.6, "named")])
+def test_effect_beside_a_larger_one_that_can_imitate_anything_is_needed_without_it(removed, word):
+    world = OpenWorld.__new__(OpenWorld)
+    alone = {"impact": 0.7, "even-reading": 0.1}
+    world._cache = SimpleNamespace(without=lambda model, effect: SimpleNamespace(usable=True))
+    world.shares = SimpleNamespace(
+        alone=lambda model, effect: alone[effect.name], removed_in=lambda model, effect: removed
+    )
+    findings = [
+        Finding("located", "pulse", ("impact",), 0.7),
+        Finding("named", "reading-of-position", ("even-reading",), 0.3),
+    ]
+    model = SimpleNamespace(effects=[EFFECTS["impact"], EFFECTS["even-reading"]])
+    assert [each.word for each in world.surviving(model, findings)] == ["located", word]
