@@ -395,7 +395,7 @@ def _with_all_samples(cache: FitCache, judged: ModelWithEffects) -> ModelWithEff
             final = cache.with_added(final, cache.screening(final).single(effect.name))
     if again and not final.usable:
         final = cache.refitted_again(judged)
-    if again and not final.usable:  # a moment that moves by samples takes more steps than a fit has: on from its end
+    if not final.usable:  # many samples, or a moment that moves by them, take more steps than a fit has
         final = cache.refitted_again(final)
     return final if final.usable else cache.base
 
