@@ -51,10 +51,38 @@ class EffectSearch:
 
     def run(self) -> ModelWithEffects:
         """The model in the end; the base where no effect predicts better."""
+        alone = self._alone_at_noise()
+        if alone is not None:
+            self.reached = alone
+            return alone
         current = self._in_one(self._pruned(self._with_formulas(self._cache.base)))
         if any(effect.absorbs for effect in current.effects):  # it took the place of formulas: others act beside it
             current = self._with_formulas(current)
         return self._with_nuisances(current)
+
+    def _alone_at_noise(self) -> ModelWithEffects | None:
+        """The first of the best single effects that leaves only noise: then no set is needed; None where none does.
+
+        What can imitate anything counts where the motion turns and the components say that there is such a part.
+        """
+        base, library = self._cache.base, self._cache.library.by_name
+        screening, testable = self._cache.screening(base), self._cache.testable(base)
+        names = [name for name in screening.names if name in testable]
+        formulas = [name for name in names if not library[name].absorbs and self._is_worth(base, name)]
+        absorbing = [
+            name
+            for name in names
+            if library[name].absorbs and self._support.turns and self._support.agrees(library[name])
+        ]
+        for name in (*formulas[:TRIED], *absorbing[:ABSORBING]):
+            model = self._cache.with_added(base, screening.single(name))
+            if model.usable and model.at_noise and self._best(base, [model]) is not None:
+                return model
+        return None
+
+    def _is_worth(self, current: ModelWithEffects, name: str) -> bool:
+        """Whether an effect is of a possible sign to first order, or that tells nothing."""
+        return self._cache.library.allows(self._cache.screening(current).single(name)) or current.far_off
 
     def _with_formulas(self, current: ModelWithEffects) -> ModelWithEffects:
         """The model with the effects that have a formula and improve the prediction, one or two at a time."""
@@ -71,7 +99,7 @@ class EffectSearch:
         library = self._cache.library.by_name
         screening, testable = self._cache.screening(current), self._cache.testable(current)
         names = [name for name in screening.names if name in testable and not library[name].absorbs]
-        names = [name for name in names if self._cache.library.allows(screening.single(name)) or current.far_off]
+        names = [name for name in names if self._is_worth(current, name)]
         effects = {name: (library[name], screening.scores_of(name)[0].shape) for name in names}
         odds = {name: float(np.log(library[name].plausibility)) for name in names}
         ranked = ranked_effects(self._cache.clips, current.fits, effects, odds, AT_ONCE)
