@@ -140,28 +140,28 @@ def diagnose(
     kept = kept_effects(components, keep, model)
     every = world = OpenWorld(cache, components)
     stopped = []
-    answer, judgement = None, Judgement(base, (), {})
+    answer, judgement = None, None
     try:
         budget.allow(SEARCH_SHARE)
-        driven = every.in_weak_form()  # windows of all samples cost little
-        world = OpenWorld(cache.for_search(), components) if driven is None else every
-        judgement = driven or world.judged()
-    except STOPPED as why:
-        judgement = world.so_far()
-        stopped.append(budget.note(why))
-    try:
+        judgement = every.in_weak_form()  # windows of all samples cost little
+        world = OpenWorld(cache.for_search(), components) if judgement is None else every
+        found = judgement.model if judgement is not None else world.searched()
+        if judgement is None and not found.at_noise:  # there the likelihood compares rivals, as a rule
+            judgement = world.judged(found)
         budget.allow(1.0)
-        start = None if stopped else _complete_start(cache, world, _with_all_samples(cache, judgement.model))
+        start = _complete_start(cache, world, _with_all_samples(cache, found))
         if start is not None and not every.rests_on_imitation(start):
             search.run(start, extend=_residual_ratio(start, base) <= COMPLETE)
             if _is_complete(clips, search.reached[-1], base):
                 answer = _of_complete(cache, every, world, search.reached)
-        if answer is not None and _is_worse(answer, world, judgement.model):
+        if answer is not None and _is_worse(answer, world, found):
             answer = None
+        if answer is None and judgement is None:
+            judgement = world.judged(found)
     except STOPPED as why:
         answer, stopped = None, [budget.note(why)]
     budget.end()
-    answer = answer or _of_open(cache, world, judgement)
+    answer = answer or _of_open(cache, world, judgement or world.so_far())
     return _diagnosis(cache, answer.with_kept(cache, kept), components, stopped)
 
 

@@ -74,11 +74,14 @@ class OpenWorld:
         """All models that were fitted and can be used."""
         return [model for model in self._cache.tried if model.usable]
 
-    def judged(self) -> Judgement:
-        """Search for the effects that predict, and say what each is."""
-        if not self.shares.testable:
-            return Judgement(self._cache.base, (), {})
-        current = self._search.run()
+    def searched(self) -> ModelWithEffects:
+        """The model with the effects that improve the prediction of blocks left out."""
+        return self._search.run() if self.shares.testable else self._cache.base
+
+    def judged(self, current: ModelWithEffects) -> Judgement:
+        """What each effect of a model is that was searched for."""
+        if not current.effects:
+            return Judgement(current, (), {})
         named = self._named_absorbing(current)
         self.shares.trust(named)
         rivals = {effect.name: self.rivals.odds(current, effect) for effect in current.effects}
