@@ -30,7 +30,7 @@ from iris_sysid.diagnosis.noise_notes import noise_notes
 from iris_sysid.diagnosis.notes import diagnostic_notes, input_gap_notes, negative_damping_note, weak_notes
 from iris_sysid.diagnosis.open_world import Judgement, OpenWorld, with_components
 from iris_sysid.diagnosis.prediction_error import fitted_error
-from iris_sysid.diagnosis.refit import ModelWithEffects, pooled, with_free_geometry
+from iris_sysid.diagnosis.refit import COMPLETE, ModelWithEffects, pooled, with_free_geometry
 from iris_sysid.diagnosis.residual_components import clip_residual, components_of
 from iris_sysid.diagnosis.score_test import combined
 from iris_sysid.diagnosis.search_report import SearchReport, holds_zero
@@ -57,7 +57,6 @@ from iris_sysid.types import (
 )
 
 ABOVE_NOISE = 1.1  # residual / noise above which terms are suggested; the noise itself is known to a few percent
-COMPLETE = 1.3  # residual / noise up to which effects explain the data: of correlated noise the estimate is that unsure
 NOISE_UNSURE = 3.0  # residual / noise up to which it may be correlated or quantised noise: then components decide
 NOISE_SHARE = 0.9  # of the residual's variance that components leave, where it is noise
 LIKELIEST = 2  # models of the search that explain the data to the noise, refitted with all samples
@@ -146,7 +145,7 @@ def diagnose(
         judgement = every.in_weak_form()  # windows of all samples cost little
         world = OpenWorld(cache.for_search(), components) if judgement is None else every
         found = judgement.model if judgement is not None else world.searched()
-        if judgement is None and not found.at_noise:  # there the likelihood compares rivals, as a rule
+        if judgement is None and not found.explains:  # there the likelihood compares rivals, as a rule
             judgement = world.judged(found)
         budget.allow(1.0)
         start = _complete_start(cache, world, _with_all_samples(cache, found))

@@ -51,7 +51,7 @@ class EffectSearch:
 
     def run(self) -> ModelWithEffects:
         """The model in the end; the base where no effect predicts better."""
-        alone = self._alone_at_noise()
+        alone = self._alone()
         if alone is not None:
             self.reached = alone
             return alone
@@ -60,10 +60,11 @@ class EffectSearch:
             current = self._with_formulas(current)
         return self._with_nuisances(current)
 
-    def _alone_at_noise(self) -> ModelWithEffects | None:
-        """The first of the best single effects that leaves only noise: then no set is needed; None where none does.
+    def _alone(self) -> ModelWithEffects | None:
+        """The first of the best single effects that explains the data to the noise; None where none does.
 
-        What can imitate anything counts where the motion turns and the components say that there is such a part.
+        Then no set is tried: a likelihood can tell there what else is needed. What can imitate anything counts where
+        the motion turns and the components say that there is such a part.
         """
         base, library = self._cache.base, self._cache.library.by_name
         screening, testable = self._cache.screening(base), self._cache.testable(base)
@@ -76,7 +77,7 @@ class EffectSearch:
         ]
         for name in (*formulas[:TRIED], *absorbing[:ABSORBING]):
             model = self._cache.with_added(base, screening.single(name))
-            if model.usable and model.at_noise and self._best(base, [model]) is not None:
+            if model.usable and model.explains and self._best(base, [model]) is not None:
                 return model
         return None
 

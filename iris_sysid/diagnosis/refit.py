@@ -36,6 +36,7 @@ ACCURATE = 1e-6  # error of a predicted state from its time step, relative: far 
 LOST = 0.5  # of the squares, below which another start shows that a fit had lost its way
 MATERIAL = 0.01  # of the squares, by which a better form of an effect reduces them
 FAR_OFF, AT_NOISE = 10.0, 1.1  # residual over noise
+COMPLETE = 1.3  # residual / noise up to which effects explain the data: of correlated noise the estimate is that unsure
 BODY = ("mass", "radius", "length")  # values that a clip may state
 HIGHEST = 0.95  # largest lag-1 correlation that is allowed for
 DETERMINED = ("ok", "misfit")  # statuses of a fit whose free values the data determine
@@ -156,6 +157,11 @@ class ModelWithEffects:
     def at_noise(self) -> bool:
         """Whether nothing of the residual is left beside the noise, which is known to a few per cent."""
         return self.squares <= AT_NOISE**2 * sum(fitted.n * len(fitted.rms) for fitted in self.fits)
+
+    @property
+    def explains(self) -> bool:
+        """Whether the residual is as small as the noise, as far as the size of that is known."""
+        return self.squares <= COMPLETE**2 * sum(fitted.n * len(fitted.rms) for fitted in self.fits)
 
     @property
     def independent(self) -> float:

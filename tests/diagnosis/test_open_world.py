@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from iris_sysid.diagnosis.component_support import ComponentSupport
-from iris_sysid.diagnosis.diagnose import COMPLETE, diagnose
+from iris_sysid.diagnosis.diagnose import diagnose
 from iris_sysid.diagnosis.effect_search import EffectSearch
 from iris_sysid.diagnosis.held_out_blocks import BlockErrors
 from iris_sysid.diagnosis.open_world import OpenWorld, _weak_finding, with_components
+from iris_sysid.diagnosis.refit import COMPLETE
 from iris_sysid.registry import EFFECTS
 from iris_sysid.types import Array, Component, Components, Finding
 from tests.diagnosis.test_hold_out import NOISE, SWING, T_S, VALUES, table
