@@ -61,7 +61,7 @@ class EffectSearch:
         return self._with_nuisances(current)
 
     def _alone(self) -> ModelWithEffects | None:
-        """The first of the best single effects that explains the data to the noise; None where none does.
+        """The best single effect that explains the data to the noise; None where none does.
 
         Then no set is tried: a likelihood can tell there what else is needed. What can imitate anything counts where
         the motion turns and the components say that there is such a part.
@@ -75,11 +75,9 @@ class EffectSearch:
             for name in names
             if library[name].absorbs and self._support.turns and self._support.agrees(library[name])
         ]
-        for name in (*formulas[:TRIED], *absorbing[:ABSORBING]):
-            model = self._cache.with_added(base, screening.single(name))
-            if model.usable and model.explains and self._best(base, [model]) is not None:
-                return model
-        return None
+        shortlist = (*formulas[:TRIED], *absorbing[:ABSORBING])
+        models = [self._cache.with_added(base, screening.single(name)) for name in shortlist]
+        return self._best(base, [model for model in models if model.usable and model.explains])
 
     def _is_worth(self, current: ModelWithEffects, name: str) -> bool:
         """Whether an effect is of a possible sign to first order, or that tells nothing."""
