@@ -93,6 +93,14 @@ def test_force_divided_by_what_grows_is_one_drift_that_settles():
     assert abs(size.value + 0.02) < 3.5 * size.stderr
 
 
+def test_search_ends_at_one_effect_that_explains_the_data(monkeypatch):
+    monkeypatch.setattr(EffectSearch, "_with_formulas", lambda *_: pytest.fail("sets of effects are tried"))
+    found = diagnose(table(motion(lambda t, x, v, base: -DRAG * np.abs(v) * v)), "pendulum", effects=LIBRARY)
+    assert [effect.name for effect in found.added] == ["quadratic-drag"]
+    size = found.sizes["quadratic_drag"]
+    assert abs(size.value - DRAG) < 3.5 * size.stderr
+
+
 def _parts(rms: float, *parts: Component) -> Components:
     noise = 1.0 - sum(part.share for part in parts)
     return Components(parts, noise, rms, noise**0.5 * rms, 1.0, "rad", 0.0)
