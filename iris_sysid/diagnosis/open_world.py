@@ -162,13 +162,15 @@ class OpenWorld:
         for main, finding in zip(model.effects, findings, strict=True):
             if main is effect or self.shares.alone(model, main) <= self.shares.alone(model, effect):
                 continue
-            rest = self._cache.without(model, main)
-            if not rest.usable:
-                continue
             name = main.name.replace("-", " ")
-            if main.absorbs and finding.word == "located" and not self.shares.removed_in(rest, effect) >= NAMED_SHARE:
-                return f"not needed without {name}"
-            rival = self._rival_without(model, rest, effect, finding) if finding.word == "group" else ""
+            if main.absorbs and finding.word == "located":
+                formulas = self.shares.contexts(model, effect)[-1]
+                if not self.shares.removed_in(formulas, effect) >= NAMED_SHARE:
+                    return f"not needed without {name}"
+            rest = self._cache.without(model, main)
+            if finding.word != "group" or not rest.usable:
+                continue
+            rival = self._rival_without(model, rest, effect, finding)
             if rival:
                 return f"not needed with {rival.replace('-', ' ')} in the place of {name}"
         return ""

@@ -200,7 +200,9 @@ def test_effect_beside_a_larger_one_that_can_imitate_anything_is_needed_without_
     alone = {"impact": 0.7, "even-reading": 0.1}
     world._cache = SimpleNamespace(without=lambda model, effect: SimpleNamespace(usable=True))
     world.shares = SimpleNamespace(
-        alone=lambda model, effect: alone[effect.name], removed_in=lambda model, effect: removed
+        alone=lambda model, effect: alone[effect.name],
+        contexts=lambda model, effect: [model, "formulas"],
+        removed_in=lambda model, effect: removed if model == "formulas" else 0.5,
     )
     findings = [
         Finding("located", "pulse", ("impact",), 0.7),
