@@ -98,6 +98,22 @@ def test_path_that_marks_lead_elsewhere_than_a_good_one_that_passes_them_is_cont
     assert not contradicted(free, [candidate("marks", 50.0)])
 
 
+def test_way_that_cannot_be_more_probable_than_a_candidate_is_surpassed():
+    def surpassed(probability, *against):
+        rows = np.arange(9)
+        quality = TrackQuality((), {PROBABILITY: probability})
+        track = Track(rows / 30, np.ones((9, 2)), np.ones((9, 2)), rows >= 0, rows, quality=quality)
+        choice = TrackerSelection(None, TrackOptions(), None, [TrackCandidate("first", (track,))])
+        return choice.surpasses(TrackingStrategy("next", list, against))
+
+    unseen = dict.fromkeys([*WEIGHTS, *OFF], 0.0)
+    for name in ("beside", "guessed"):
+        least = probability_of(unseen | {name: 1.0})
+        assert surpassed(least + 1e-9, name)
+        assert not surpassed(least - 1e-9, name)
+        assert not surpassed(least + 1e-9)
+
+
 def test_marks_name_the_bodies_and_tell_two_alike_apart():
     clip = phone.two_of_the_same_kind(40)
     marks = (mark(clip, 5, 1, "right"), mark(clip, 5, 0, "left"))

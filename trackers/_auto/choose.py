@@ -14,7 +14,7 @@ from trackers._auto.evidence import missed_marks, two_on_one
 from trackers._auto.fill_gaps import with_gaps_filled, with_marks
 from trackers._auto.sampled_once import SampledOnce
 from trackers._auto.scene import SampledScene
-from trackers._auto.verdict import PROBABILITY, judged
+from trackers._auto.verdict import PROBABILITY, judged, largest_probability
 from trackers._auto.verdict_weights import DOUBTFUL, SURE
 from trackers._frames.working_image import view_of
 from trackers._linking.frame_to_frame import Tracklet
@@ -59,6 +59,10 @@ class TrackerSelection:
     def _judged(self, track: Track, tracks: Sequence[Track], against: tuple[str, ...]) -> Track:
         others = [other for other in tracks if other is not track]
         return replace(track, quality=judged(track, self.scene, others, self.options.marks, against))
+
+    def surpasses(self, way: TrackingStrategy) -> bool:
+        """Whether a candidate is at least as probable as the tracks of a way can be, by the evidence that it brings."""
+        return any(probability(candidate) >= largest_probability(way.against) for candidate in self.candidates)
 
     def first(self) -> list[Track]:
         """The bodies that move farthest before the still background."""
@@ -127,6 +131,8 @@ def contradicted(candidate: TrackCandidate, others: Sequence[TrackCandidate]) ->
 def choose(video: FrameSource, options: TrackOptions) -> tuple[TrackCandidate, list[TrackCandidate]]:
     """The candidate that is taken, and all that were tried: none after one that is sure, unless ``explain`` asks.
 
+    Nor, unless it asks, is a way that cannot be more probable than one before it.
+
     Raises
     ------
     TrackingError
@@ -137,6 +143,8 @@ def choose(video: FrameSource, options: TrackOptions) -> tuple[TrackCandidate, l
     options = replace(options, bodies=max(options.bodies, len(marks_by_body(options.marks))))
     choice = TrackerSelection.of(video, options)
     for way in _ways(choice):
+        if options.explain is None and choice.surpasses(way):
+            continue
         if probability(choice.attempt(way)) >= SURE and options.explain is None and way.name != LED:
             break
     tried = choice.candidates

@@ -107,6 +107,11 @@ def probability_of(against: Mapping[str, float]) -> float:
     return float(np.prod([1 - against[name] for name in OFF]) / (1 + np.exp(taken - INTERCEPT)))
 
 
+def largest_probability(way: Collection[str]) -> float:
+    """The probability of a track against which nothing speaks but that ``way``, some of :data:`OF_WAYS`."""
+    return probability_of(dict.fromkeys([*WEIGHTS, *OFF], 0.0) | dict.fromkeys(way, 1.0))
+
+
 def _parts(against: Mapping[str, float]) -> dict[str, float]:
     """What each evidence takes from the logarithm of the odds, or of the probability."""
     parts = {name: weight * against[name] for name, weight in WEIGHTS.items()}

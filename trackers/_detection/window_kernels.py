@@ -52,7 +52,7 @@ def made_ready(planes: Planes, mask: Bytes, other: Bytes, finer: int) -> tuple[I
     level = _at_level(image, background, mask, other)
     if finer > 1:
         mask = _sharpened(mask, _largest_difference(image, level), noise, finer)
-    shaded = _shaded(image, level, noise)
+    shaded = _shaded(image, level, noise, mask | other)
     mask = _without(mask, shaded)
     left_over = np.zeros(mask.shape, dtype=np.uint8)
     for y in range(mask.shape[0]):
@@ -118,10 +118,11 @@ def _sharpened(mask: Bytes, level: Image, noise: Image, step: int) -> Bytes:
 
 
 @kernel(nogil=True)
-def _shaded(image: Image, background: Image, noise: Image) -> Bytes:
+def _shaded(image: Image, background: Image, noise: Image, among: Bytes) -> Bytes:
     """1 where an image (h, w, channels) shows the background with less light: all its colours scaled by one factor.
 
-    Without colour a shadow cannot be distinguished from a dark body: 0.
+    Only pixels ``among`` (h, w) are looked at; the others are 0. Without colour a shadow cannot be distinguished from a
+    dark body: 0.
     """
     height, width, channels = image.shape
     shaded = np.zeros((height, width), dtype=np.uint8)
@@ -129,6 +130,8 @@ def _shaded(image: Image, background: Image, noise: Image) -> Bytes:
         return shaded
     for y in range(height):
         for x in range(width):
+            if not among[y, x]:
+                continue
             light = _mean_about(image, y, x, 0) / max(background[y, x, 0], np.float32(1))
             dark = MIN_SHADE < light < 1
             for c in range(1, channels):
@@ -142,10 +145,13 @@ def _shaded(image: Image, background: Image, noise: Image) -> Bytes:
 @kernel(nogil=True)
 def _mean_about(image: Image, y: int, x: int, channel: int) -> np.float32:
     """Mean over 3 x 3 px of a channel of an image, its borders mirrored."""
-    total = np.float32(0)
+    total, inside = np.float32(0), 0 < y < image.shape[0] - 1 and 0 < x < image.shape[1] - 1
     for row in range(y - 1, y + 2):
         for column in range(x - 1, x + 2):
-            total += image[mirrored(row, image.shape[0]), mirrored(column, image.shape[1]), channel]
+            if inside:
+                total += image[row, column, channel]
+            else:
+                total += image[mirrored(row, image.shape[0]), mirrored(column, image.shape[1]), channel]
     return total / np.float32(9)
 
 
