@@ -20,6 +20,7 @@ from iris_sysid.types import Array
 from tests._real_data import alexiev_length_68, schmidt_lipson_linear, wooden_bob
 from validation import films
 from validation.world_coastdowns import COASTS
+from validation.world_friction_rig import PISTONS
 from validation.world_tables import (
     DATA,
     DRAG,
@@ -451,7 +452,7 @@ OTHERS = [
     wheel("axial"),
     wheel("radial"),
 ]  # fmt: skip
-RECORDINGS = sorted([*ARMS, *BALLS, *SWINGS, *FILMS, *OTHERS, *COASTS], key=lambda recording: recording.name)
+RECORDINGS = sorted([*ARMS, *BALLS, *SWINGS, *FILMS, *OTHERS, *COASTS, *PISTONS], key=lambda recording: recording.name)
 
 
 def chosen(only: str = "", without: str = "") -> list[Recording]:

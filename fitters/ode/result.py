@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fitters.integrator.initial_value_problem import difference_steps, value_names
 from fitters.noise.sandwich_covariance import Uncertainty, inverse_normal, random_uncertainty
@@ -91,25 +92,47 @@ def linearise(task: PreparedFit, target: Target, solution: Solution) -> Linearis
     task, target, solution
         The prepared fit, the samples used with their weights, and the solution.
     """
-    names = value_names(task.model)
-    uncertain = [name for name, estimate in task.known.items() if estimate.stderr > 0]
-    others = np.array([names.index(name) for name in uncertain], dtype=np.intp)
+    others = uncertain_values(task)
     problem, values = solution.problem, solution.values
     which = np.concatenate([task.unknowns.which, others])
     steps = np.concatenate([solution.steps, difference_steps(problem, values, others)])
     slopes = np.nan_to_num(problem.sensitivity(values, which, steps))
+    scaled = slopes[target.used] / target.sigma[target.used][:, :, None]
+    return linearised_by(task, target, solution, scaled, task.unknowns.prior_rows)
+
+
+def uncertain_values(task: PreparedFit) -> NDArray[np.intp]:
+    """Indices (u,) of the values that are held and have a standard error."""
+    names = value_names(task.model)
+    return np.array([names.index(name) for name, known in task.known.items() if known.stderr > 0], dtype=np.intp)
+
+
+def linearised_by(
+    task: PreparedFit, target: Target, solution: Solution, sensitivity: Array, prior: Array
+) -> Linearised:
+    """The fit near its solution, from sensitivities that are there.
+
+    Parameters
+    ----------
+    task, target, solution
+        As for :func:`linearise`.
+    sensitivity
+        (n, d, k + u) of the used samples, in sigma per unit of the free values, then of the uncertain ones.
+    prior
+        (j, k) rows that are added to the sensitivities.
+    """
+    names, k = value_names(task.model), task.unknowns.which.size
     sigma = target.sigma[target.used]
-    scaled = np.clip(slopes[target.used] / sigma[:, :, None], -MAX_RESIDUAL, MAX_RESIDUAL)
-    k = task.unknowns.which.size
+    scaled = np.clip(sensitivity, -MAX_RESIDUAL, MAX_RESIDUAL)
+    uncertain = [names[index] for index in uncertain_values(task)]
     known = {name: scaled[None, :, :, k + i] * task.known[name].stderr for i, name in enumerate(uncertain)}
     known |= {source: -patterns[:, target.used] / sigma for source, patterns in task.systematic.items()}
-    residual = (target.observed - solution.predicted)[target.used] / sigma
     return Linearised(
-        t_s=problem.t_s[target.used],
-        residual=residual,
+        t_s=solution.problem.t_s[target.used],
+        residual=(target.observed - solution.predicted)[target.used] / sigma,
         sensitivity=scaled[:, :, :k],
         known=known,
-        prior=task.unknowns.prior_rows,
+        prior=prior,
         measured=task.trajectory.error_autocorrelation,
         stated=_stated(task, target),
     )
@@ -212,7 +235,14 @@ class Lacking:
     drag: bool
 
 
-def conclude(task: PreparedFit, target: Target, solution: Solution, notes: list[str], lacking: Lacking) -> FitResult:
+def conclude(
+    task: PreparedFit,
+    target: Target,
+    solution: Solution,
+    notes: list[str],
+    lacking: Lacking,
+    near: Linearised | None = None,
+) -> FitResult:
     """Judge the solution and build the result with errors, criteria, status and notes.
 
     Parameters
@@ -223,8 +253,10 @@ def conclude(task: PreparedFit, target: Target, solution: Solution, notes: list[
         What a reader should know beside the status.
     lacking
         What of the equation's gaps to look for.
+    near
+        The fit near the solution; linearised here if None.
     """
-    near = linearise(task, target, solution)
+    near = linearise(task, target, solution) if near is None else near
     touching = at_bounds(task.unknowns, solution.values)
     determined = _determination(near, ~touching)
     errors, random = errors_of(task, near, ~touching, determined.undetermined)

@@ -10,10 +10,11 @@ import numpy as np
 from fitters.noise.random_effects import MIN_CLIPS, random_effects
 from fitters.noise.sandwich_covariance import MAX_DEGREES, random_uncertainty
 from fitters.ode.fit_problem import check_names
+from fitters.ode.prepared_request import NoMinimumError
 from fitters.ode.request import DEFAULT_OPTIONS, NOTHING, FitOptions, FitRequest
 from fitters.ode.rest_position import held_zeros, off_zero
 from fitters.ode.result import Linearised, information_loss, linearise
-from fitters.ode.single_clip import NoMinimumError, find_minimum, solve
+from fitters.ode.single_clip import find_minimum, solve
 from fitters.ode.unseen_drag import STANDARD_GRAVITY, UNSEEN_DRAG, drag_response, prior_of, root_mean_square
 from iris_sysid.errors import FitError
 from iris_sysid.registry import MODELS

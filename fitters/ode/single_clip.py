@@ -13,14 +13,7 @@ from fitters.noise.measurement_noise import outliers_in_motion, outliers_in_resi
 from fitters.noise.sandwich_covariance import quantile_975
 from fitters.ode.fit_problem import (
     PreparedFit,
-    check_columns,
-    check_names,
     guesses,
-    in_units_of,
-    known_values,
-    prepare,
-    priors_of,
-    select,
     starting_values,
     with_priors,
     without_start,
@@ -39,21 +32,20 @@ from fitters.ode.least_squares import (
     minimise,
     reweighted,
 )
+from fitters.ode.multiple_shooting import PiecewiseFit, shot_in_pieces
+from fitters.ode.prepared_request import NoMinimumError, no_minimum, task_of
 from fitters.ode.request import DEFAULT_OPTIONS, NOTHING, FitOptions, FitRequest
 from fitters.ode.rest_position import calls_for_rest, held_zeros, is_better
-from fitters.ode.result import Lacking, conclude, errors_of, failed, information_loss, linearise
-from fitters.ode.status import at_bounds, diverged, needed_samples, too_few_samples
+from fitters.ode.result import Lacking, conclude, errors_of, information_loss, linearise
+from fitters.ode.status import at_bounds, diverged
 from fitters.own_model.gradient_matching import matched_starts
 from fitters.own_model.ties import stated_by
-from iris_sysid.errors import FitError
 from iris_sysid.registry import MODELS
 from iris_sysid.trajectory.consistency.angle_unit import short_pendulum_doubt
 from iris_sysid.types import (
     Array,
     Estimate,
-    FitProblem,
     FitResult,
-    FitStatus,
     OdeModel,
     Trajectory,
 )
@@ -65,6 +57,8 @@ PATIENCE = 500_000, 50  # samples evaluated, and least evaluations, before a loc
 ROUGH_WORK = 100_000  # samples times iterations after which a rough fit is not continued
 HELD = 1e3  # weight at which a prior holds its value
 LOST = "no start led to the data, and where the search ended some values have no effect of their own"
+ALIKE = 1.1  # residual of a free run over that of pieces, up to which it follows the data as well
+UNSURE = ("singular", "not-converged")  # a run that grows by 1e12 seems to determine no initial state
 PRIOR_ROUNDS, SETTLED = 4, 0.02  # fits with a new weight of the priors, and its last relative change
 MIN_DEVIATION = 3.0  # in units of the noise, for a sample to count as an outlier
 
@@ -169,16 +163,46 @@ def _about_its_rest(request: FitRequest, asked: Sequence[str]) -> FitResult:
 
 def solve(request: FitRequest) -> FitResult:
     """Fit a request; see :func:`fit`."""
-    methods = checked_methods(request.uncertainty)
+    checked_methods(request.uncertainty)
     try:
         minimum = find_minimum(request)
     except NoMinimumError as error:
-        return error.result
+        return _by_pieces(request) or error.result
+    result, lost = _concluded(request, minimum), not explains(minimum.solution, minimum.target)
+    pieced = _by_pieces(request) if lost or result.status in UNSURE else None
+    return result if pieced is None or (not lost and pieced.status in UNSURE) else pieced
+
+
+def _concluded(request: FitRequest, minimum: Minimum) -> FitResult:
+    """The result of a minimum, with intervals by the methods asked for."""
+    methods, options = checked_methods(request.uncertainty), request.options
     with np.errstate(all="ignore"):  # meaningless data give unbounded errors: they become infinite
-        notes, options = _notes(minimum.task, minimum.target), request.options
+        notes = _notes(minimum.task, minimum.target)
         lacking = Lacking(options.discrepancy, options.discrepancy and options.unseen_drag)
         result = conclude(minimum.task, minimum.target, minimum.solution, notes, lacking)
         return result if methods == ("robust",) else _with_intervals(minimum, result, methods)
+
+
+def _by_pieces(request: FitRequest) -> FitResult | None:
+    """The fit by multiple shooting, or by the free run from its values where one follows the data as well."""
+    shot = None if request.options.local else shot_in_pieces(request)
+    if shot is None:
+        return None
+    try:
+        run = find_minimum(request.with_(start=shot.start, options=replace(request.options, local=True)))
+    except NoMinimumError:
+        return _of_pieces(shot, request)
+    follows = run.solution.rms < ALIKE * shot.solution.rms and _exact(run.solution, run.target)
+    result = _concluded(request, run) if follows else None
+    return _of_pieces(shot, request) if result is None or result.status == "singular" else result
+
+
+def _of_pieces(shot: PiecewiseFit, request: FitRequest) -> FitResult:
+    """The result of multiple shooting; intervals by other methods need a free run."""
+    task, robust = shot.pieces.task, tuple(request.uncertainty) == ("robust",)
+    notes = [*_notes(task, task.target), shot.note, *([] if robust else ["intervals by the robust method alone"])]
+    with np.errstate(all="ignore"):
+        return conclude(task, task.target, shot.solution, notes, Lacking(False, False), shot.near)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -188,14 +212,6 @@ class Minimum:
     task: PreparedFit
     target: Target
     solution: Solution
-
-
-class NoMinimumError(FitError):
-    """A failed fit; ``result`` says why."""
-
-    def __init__(self, result: FitResult) -> None:
-        super().__init__(result.message)
-        self.result = result
 
 
 @dataclass(frozen=True, slots=True)
@@ -258,31 +274,9 @@ def _accuracy(options: FitOptions, samples: int) -> Accuracy:
     return ROUGH if options.rough else FINE._replace(evaluations=min(most, FINE.evaluations))
 
 
-def task_of(request: FitRequest) -> PreparedFit:
-    """The checked and prepared request; NoMinimumError when it has too few samples for its unknowns."""
-    trajectory, model = request.trajectory, request.model
-    check_names(model, fixed=list(request.fixed), free=list(request.free), start=list(request.start))
-    check_columns(trajectory, model)
-    known = known_values(model, trajectory, request.fixed, request.free)
-    priors = priors_of(model, trajectory, request.fixed, request.free)
-    model = in_units_of(trajectory, model)
-    selection = select(trajectory, request.options.segments)
-    n_free = len(value_names(model)) - len(known)
-    n, needed = int(selection.used.sum()), needed_samples(len(model.observed), n_free)
-    if n < needed:
-        raise _failure(request, model, known, "too-short", too_few_samples(n, needed, n_free))
-    return prepare(trajectory, model, selection, known, priors)
-
-
 def _check_finite(request: FitRequest, task: PreparedFit, solution: Solution) -> None:
     if not np.isfinite(solution.rms):
-        raise _failure(request, task.model, task.known, "diverged", diverged(task, solution))
-
-
-def _failure(
-    request: FitRequest, model: OdeModel, known: Mapping[str, Estimate], status: FitStatus, problem: FitProblem
-) -> NoMinimumError:
-    return NoMinimumError(failed(request.trajectory, model, known, status, problem))
+        raise no_minimum(request, task.model, task.known, "diverged", diverged(task, solution))
 
 
 def _downhill(task: PreparedFit, request: FitRequest) -> Solution:

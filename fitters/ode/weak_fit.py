@@ -19,8 +19,8 @@ from scipy.sparse import csr_array
 
 from fitters.integrator.initial_value_problem import InitialValueProblem, value_names
 from fitters.ode.fit_problem import PreparedFit, guesses, starting_values
+from fitters.ode.prepared_request import NoMinimumError, task_of
 from fitters.ode.request import FitRequest
-from fitters.ode.single_clip import NoMinimumError, task_of
 from fitters.starting_values import bump
 from iris_sysid.types import Array, OdeModel, Smoothed
 
