@@ -17,7 +17,7 @@ from trackers._detection.detect_frames import REPORT_EVERY
 from trackers._detection.detection import FrameDetections
 from trackers._detection.foreground import blobs_of
 from trackers._detection.local_background import GAP, components_of, local_detector
-from trackers._frames.working_image import View, view_of
+from trackers._frames.working_image import WorkingView, view_of
 from trackers._linking.frame_to_frame import Tracklet, link
 from trackers._linking.select_bodies import with_fragments
 from trackers._linking.to_track import track_of
@@ -65,7 +65,7 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
     ]
 
 
-def _detections_of(view: View, frame: Frame) -> FrameDetections:
+def _detections_of(view: WorkingView, frame: Frame) -> FrameDetections:
     """The candidates of one frame, each measured against its surroundings."""
     image, colour_mask = view.search_image(frame), np.asarray(view.colour_mask(frame))
     bodies = blobs_of(components_of(colour_mask.astype(np.uint8)), colour_mask.shape)

@@ -32,10 +32,10 @@ from iris_sysid.types import (
     transfer_tagged,
     with_progress,
 )
-from trackers._frames.working_image import View, view_of
+from trackers._frames.working_image import WorkingView, view_of
 from trackers._regions.compression_lag import Lag, lag_of
 from trackers._regions.covarying_region import Region, region_that_changes
-from trackers._regions.exposure import Background, Exposure, background_of, exposure_of
+from trackers._regions.exposure import BackgroundLight, Exposure, background_of, exposure_of
 from trackers._regions.lamp_brightness import MAX_CUT, Lamp, Reading, lamp_of, luma_of
 from trackers._regions.linear_light import linear_light
 from trackers._uncertainty.local_polynomial import excess_scatter, persistent, pooled
@@ -125,7 +125,9 @@ class _Series:
     noise: float
 
 
-def _read(video: FrameSource, options: TrackOptions, lamps: Sequence[Lamp], background: Background | None) -> _Series:
+def _read(
+    video: FrameSource, options: TrackOptions, lamps: Sequence[Lamp], background: BackgroundLight | None
+) -> _Series:
     stamps: list[tuple[int, float, bool]] = []
     readings: list[list[Reading]] = []
     still: list[float] = []
@@ -139,7 +141,7 @@ def _read(video: FrameSource, options: TrackOptions, lamps: Sequence[Lamp], back
     return _Series(np.array(t_s), np.array(index), np.array(key), readings, np.array(still) if still else None, noise)
 
 
-def _regions(view: View, samples: Sequence[Frame], options: TrackOptions) -> list[Region]:
+def _regions(view: WorkingView, samples: Sequence[Frame], options: TrackOptions) -> list[Region]:
     """The requested number of regions, found at the size of the search, strongest change first."""
     stack = np.stack([view.small(luma_of(view, frame)) for frame in samples])
     free = np.ones(stack.shape[1:], dtype=np.bool_)

@@ -24,7 +24,7 @@ from iris_sysid.types import (
     check_count,
     with_progress,
 )
-from trackers._frames.working_image import View, view_of
+from trackers._frames.working_image import WorkingView, view_of
 from trackers._regions.liquid_surface import STRIPS, WALL, WINDOW, Vessel, rough_levels, surface_of, vessel_of
 from trackers._uncertainty.local_polynomial import excess_scatter, pooled
 
@@ -102,7 +102,7 @@ class _Strips:
         return np.asarray(sums / np.diff(edges), dtype=np.float64)
 
 
-def _strips_of(view: View, vessel: Vessel) -> _Strips:
+def _strips_of(view: WorkingView, vessel: Vessel) -> _Strips:
     """The strips of a vessel found at the size of the search, with room above and below."""
     step = view.step
     left, right = view.left + vessel.left * step, view.left + vessel.right * step

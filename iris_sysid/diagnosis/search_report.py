@@ -31,7 +31,7 @@ def holds_zero(size: Estimate) -> bool:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Rival:
+class RivalModel:
     """A model with the effects ``instead`` of an added one; its criterion is ``above`` that of the final model."""
 
     model: ModelWithEffects
@@ -53,7 +53,7 @@ class SearchReport:
     def __init__(self, cache: FitCache, final: ModelWithEffects) -> None:
         self._cache, self._final = cache, final
         self._screening = cache.screening(final)
-        self._rivals: dict[str, list[Rival]] = {}
+        self._rivals: dict[str, list[RivalModel]] = {}
         self._classes: dict[str, tuple[str, ...]] = {}
 
     @property
@@ -61,18 +61,18 @@ class SearchReport:
         """The model that is reported on."""
         return self._final
 
-    def _rivals_of(self, effect: Effect) -> list[Rival]:
+    def _rivals_of(self, effect: Effect) -> list[RivalModel]:
         """The refits in which another effect replaces an added one and explains the data as well, compared once."""
         if effect.name not in self._rivals:
             cache, final = self._cache, self._final
             rest = cache.without(final, effect).names
             self._rivals[effect.name] = [
-                Rival(model, tuple(sorted(model.names - rest)), cost_above(model, final))
+                RivalModel(model, tuple(sorted(model.names - rest)), cost_above(model, final))
                 for model in cache.equally_good(final, effect)
             ]
         return self._rivals[effect.name]
 
-    def _every_rival(self) -> list[Rival]:
+    def _every_rival(self) -> list[RivalModel]:
         return [rival for effect in self._final.effects for rival in self._rivals_of(effect)]
 
     def indistinguishable(self, effect: Effect) -> tuple[str, ...]:

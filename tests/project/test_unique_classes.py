@@ -6,17 +6,6 @@ from functools import cache
 
 from tests._project import ROOT, python_files
 
-# Names that more than one class had when this test was written; the list only shrinks.
-KNOWN = {
-    "Background",
-    "Component",
-    "Pixels",
-    "Rival",
-    "Solution",
-    "View",
-    "_Linear",
-}
-
 
 @cache
 def classes() -> dict[str, list[str]]:
@@ -30,8 +19,4 @@ def classes() -> dict[str, list[str]]:
 
 
 def test_class_names_are_unique():
-    assert {name: files for name, files in classes().items() if len(files) > 1 and name not in KNOWN} == {}
-
-
-def test_list_of_known_names_only_shrinks():
-    assert {name for name in KNOWN if len(classes().get(name, [])) < 2} == set(), "delete these names"
+    assert {name: files for name, files in classes().items() if len(files) > 1} == {}

@@ -15,7 +15,7 @@ from trackers._detection.depth import depth_of
 from trackers._detection.foreground import MIN_SUPPORT, SQUARE, background_range_of, components
 from trackers._detection.small_images import blurred, chamfer, dilated, gaussian, opened, quantile, shrunk, stretched
 from trackers._detection.window_kernels import looks_of, moments_of_difference, paste
-from trackers._frames.working_image import View
+from trackers._frames.working_image import WorkingView
 
 
 def blotches(seed, shape):
@@ -145,7 +145,7 @@ def coded_frame(rng, shape, changes):
 @pytest.mark.parametrize("region", [(0, 0, 161, 121), (6, 4, 140, 100)])
 def test_windows_by_planes_as_coded_hold_all_that_differs_strongly(region):
     rng = np.random.default_rng(0)
-    view = View(*region, chroma=True)
+    view = WorkingView(*region, chroma=True)
     still = rng.normal(90, 5, (*view.search_size[::-1], 3)).astype(np.float32)
     background_range = background_range_of(BackgroundEstimate(still, np.ones_like(still)))
     frames = [
@@ -165,7 +165,7 @@ def test_windows_by_planes_as_coded_hold_all_that_differs_strongly(region):
 def test_part_of_a_coloured_frame_is_that_of_the_whole():
     frame, view = (
         coded_frame(np.random.default_rng(1), (121, 161), [(1, 10, 10, 30, 30, 60)]),
-        View(3, 2, 150, 110, True),
+        WorkingView(3, 2, 150, 110, True),
     )
     whole = view.image(frame)
     for left, top, right, bottom in [(0, 0, 150, 110), (5, 7, 40, 31), (100, 90, 150, 110), (14, 20, 15, 21)]:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from iris_sysid.types import Array, Frame
 from trackers._frames.arrays import Bytes, Flags, Image
-from trackers._frames.working_image import View
+from trackers._frames.working_image import WorkingView
 
 LUMA_SHIFT, CHROMA_SHIFT = 4, 2  # bits: 16 steps of luma, 64 of each colour difference
 SHAPE = (16, 64, 64)
@@ -125,7 +125,7 @@ def _parts(shape: tuple[int, ...], place: tuple[float, float], radius: float) ->
     return np.asarray(distance <= max(1.0, (CORE * radius) ** 2)), np.asarray(distance <= (2 * radius + 2) ** 2)
 
 
-def search_image(view: View, frame: Frame) -> Bytes:
+def search_image(view: WorkingView, frame: Frame) -> Bytes:
     """The image in which bodies are searched by appearance: luma and chroma at the size of the search."""
     return view.with_chroma().search_image(frame)
 

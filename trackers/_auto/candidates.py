@@ -15,7 +15,7 @@ from trackers._auto.follow_appearance import Body, follow_appearance
 from trackers._auto.scene import SampledScene
 from trackers._auto.survey import WEIGHTS, ObjectClass
 from trackers._frames.arrays import Bytes
-from trackers._frames.working_image import View
+from trackers._frames.working_image import WorkingView
 
 LEARNED = 0.8  # of the inscribed radius at the size of the search, which includes the blurred outline
 MAX_MARKED_RADIUS = 0.25  # of the smaller side of the image: the radius of a marked body
@@ -51,7 +51,7 @@ def ways_by_looks(video: FrameSource, scene: SampledScene, options: TrackOptions
 
 
 def _by_looks(
-    video: FrameSource, view: View, bodies: Sequence[Body], options: TrackOptions
+    video: FrameSource, view: WorkingView, bodies: Sequence[Body], options: TrackOptions
 ) -> Callable[[], list[Track]]:
     return lambda: follow_appearance(video, view, bodies, options)
 
@@ -68,7 +68,7 @@ def body_like(kind: ObjectClass, images: Sequence[Bytes]) -> Body:
     return Body("1", learn(images, [of_sample.get(k) for k in range(len(images))], radius), {})
 
 
-def way_by_marks(video: FrameSource, view: View, options: TrackOptions) -> TrackingStrategy:
+def way_by_marks(video: FrameSource, view: WorkingView, options: TrackOptions) -> TrackingStrategy:
     """Following the bodies at the marks; DataError when not every body is marked, or a mark is not in the clip."""
     marks = marks_by_body(options.marks)
     if len(marks) < options.bodies:
@@ -94,7 +94,7 @@ def check_marks(marks: Sequence[TrackMark], frames: Collection[int], size: tuple
             raise DataError(f"the mark {mark.body}={mark.x_px:g},{mark.y_px:g}@{mark.frame} does not lie in the image")
 
 
-def _marked_bodies(video: FrameSource, view: View, marks: dict[str, list[TrackMark]]) -> list[Body]:
+def _marked_bodies(video: FrameSource, view: WorkingView, marks: dict[str, list[TrackMark]]) -> list[Body]:
     """The bodies at the marks, learned from the marked frames."""
     wanted = {mark.frame for of_body in marks.values() for mark in of_body}
     images: dict[int, Bytes] = {}
@@ -107,7 +107,7 @@ def _marked_bodies(video: FrameSource, view: View, marks: dict[str, list[TrackMa
     return [_marked_body(view, name, of_body, images) for name, of_body in marks.items()]
 
 
-def _marked_body(view: View, name: str, marks: Sequence[TrackMark], images: dict[int, Bytes]) -> Body:
+def _marked_body(view: WorkingView, name: str, marks: Sequence[TrackMark], images: dict[int, Bytes]) -> Body:
     """The body at some marks: its colour is that at the marks, its size where the colour ends."""
     places = [view.in_search(mark.x_px, mark.y_px) for mark in marks]
     shown = [images[mark.frame] for mark in marks]

@@ -12,7 +12,7 @@ from trackers._auto.known_looks import known_looks
 from trackers._auto.scene import Place, SampledScene
 from trackers._auto.survey import WEIGHTS, ObjectClass, any_near, blob_at, colour_distance, looks_like_shadow
 from trackers._frames.arrays import Bytes, Flags
-from trackers._frames.working_image import View
+from trackers._frames.working_image import WorkingView
 
 CORE, RING = 0.7, (1.4, 2.2)  # radii: inside of a body, and its surroundings
 MIN_CORE = 1.5  # px
@@ -117,7 +117,7 @@ class Patches:
         return float(np.median([colour_distance(*pair) for pair in zip(self.inside, self.around, strict=True)]))
 
 
-def patches_of(track: Track, view: View, frames: Sequence[Frame]) -> Patches:
+def patches_of(track: Track, view: WorkingView, frames: Sequence[Frame]) -> Patches:
     """The patches of a track in sampled frames."""
     row_of = {int(number): k for k, number in enumerate(track.frame)}
     held = held_rows(track)
@@ -136,7 +136,7 @@ def patches_of(track: Track, view: View, frames: Sequence[Frame]) -> Patches:
     )
 
 
-def _patch(view: View, frame: Frame, place: Array, radius: float) -> tuple[Array, Array] | None:
+def _patch(view: WorkingView, frame: Frame, place: Array, radius: float) -> tuple[Array, Array] | None:
     """Colour inside of a body and around it, from pixels that stand for at most a quarter of the radius."""
     step = max(1, int(radius / 12))
     x, y = ((c - corner + 0.5) / step - 0.5 for c, corner in zip(place, (view.left, view.top), strict=True))

@@ -16,7 +16,7 @@ from trackers._auto.evidence import held_rows, missed_marks, passes, usual_radiu
 from trackers._auto.follow_appearance import APART, REACH_RADII, REACH_SHARE, ROUGH
 from trackers._auto.known_looks import KnownLooks, known_looks
 from trackers._auto.scene import Place, SampledScene
-from trackers._frames.working_image import View
+from trackers._frames.working_image import WorkingView
 from trackers._linking.frame_to_frame import MAX_GAP, SPEED_CHANGE
 
 MIN_SEEN = 3  # rows that say where the body goes
@@ -68,7 +68,9 @@ def with_marks(track: Track, marks: Sequence[TrackMark]) -> Track:
     return _with_positions(track, lost, usual_radius(track)) if lost else track
 
 
-def _places(video: FrameSource, view: View, track: Track, known: KnownLooks, others: Sequence[Track]) -> list[Peaks]:
+def _places(
+    video: FrameSource, view: WorkingView, track: Track, known: KnownLooks, others: Sequence[Track]
+) -> list[Peaks]:
     """Where the body may be in each frame, px of the search image: on the track, or what looks like it."""
     seen = np.flatnonzero(track.valid)
     lost: Mask = ~track.valid & ~held_rows(track)

@@ -17,11 +17,11 @@ from trackers._auto.appearance import Appearance, Peaks, search_image
 from trackers._auto.best_path import best_path, bound_to_marks
 from trackers._detection.detect_frames import REPORT_EVERY
 from trackers._detection.detection import Detection, FrameDetections
-from trackers._detection.foreground import Blob, Component, blobs_of
+from trackers._detection.foreground import Blob, ConnectedComponent, blobs_of
 from trackers._detection.local_background import GAP, components_of, local_detector
 from trackers._detection.subpixel_centroid import Centre
 from trackers._frames.arrays import Bytes
-from trackers._frames.working_image import View
+from trackers._frames.working_image import WorkingView
 from trackers._linking.frame_to_frame import Tracklet
 from trackers._linking.to_track import track_of
 
@@ -42,7 +42,9 @@ class Body:
     marks: Mapping[int, tuple[float, float]]
 
 
-def follow_appearance(video: FrameSource, view: View, bodies: Sequence[Body], options: TrackOptions) -> list[Track]:
+def follow_appearance(
+    video: FrameSource, view: WorkingView, bodies: Sequence[Body], options: TrackOptions
+) -> list[Track]:
     """One Track for each body.
 
     Parameters
@@ -94,7 +96,7 @@ def follow_appearance(video: FrameSource, view: View, bodies: Sequence[Body], op
 
 
 def _paths(
-    view: View, numbers: Sequence[int], peaks: Sequence[list[Peaks]], bodies: Sequence[Body]
+    view: WorkingView, numbers: Sequence[int], peaks: Sequence[list[Peaks]], bodies: Sequence[Body]
 ) -> list[dict[int, tuple[float, float]]]:
     """Where each body is in the search image, by number of the frame in order; the clearest body first."""
     row_of = {number: k for k, number in enumerate(numbers)}
@@ -119,7 +121,7 @@ def _without(places: Peaks, taken: Sequence[tuple[float, float]], body: Body) ->
 
 
 def measured_at(
-    view: View, frame: Frame, image: Bytes, appearance: Appearance, place: tuple[float, float]
+    view: WorkingView, frame: Frame, image: Bytes, appearance: Appearance, place: tuple[float, float]
 ) -> Detection | None:
     """The body at a place of the search image, measured against its surroundings; None where none does."""
     height, width = image.shape[:2]
@@ -143,7 +145,9 @@ def measured_at(
     return seen[0] if seen else None
 
 
-def roughly_at(view: View, frame: Frame, image: Bytes, appearance: Appearance, place: tuple[float, float]) -> Detection:
+def roughly_at(
+    view: WorkingView, frame: Frame, image: Bytes, appearance: Appearance, place: tuple[float, float]
+) -> Detection:
     """The body at a place where its outline merges with the surroundings: known to a third of its radius."""
     radius = appearance.radius * view.step
     x, y = view.in_frame(*place)
@@ -161,7 +165,7 @@ def _near(shape: tuple[int, ...], place: tuple[float, float], radius: float) -> 
 
 
 def _blob_at(
-    components: Sequence[Component], shape: tuple[int, ...], place: tuple[float, float], radius: float
+    components: Sequence[ConnectedComponent], shape: tuple[int, ...], place: tuple[float, float], radius: float
 ) -> Blob | None:
     """The largest compact part near a place."""
     near = []

@@ -13,7 +13,7 @@ from trackers._detection.foreground import Blob
 from trackers._disc.model import Disc
 from trackers._disc.receding_disc import receding_disc
 from trackers._frames.arrays import Bytes, Image
-from trackers._frames.working_image import View
+from trackers._frames.working_image import WorkingView
 
 Place = tuple[float, float]
 
@@ -25,7 +25,7 @@ class SampledScene:
     ``view`` is the region of interest.
     """
 
-    view: View
+    view: WorkingView
     frames: Sequence[Frame]
 
     @cached_property

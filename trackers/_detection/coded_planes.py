@@ -12,7 +12,7 @@ from iris_sysid.types import Frame
 from trackers._detection.foreground import BackgroundRange, outside_of
 from trackers._detection.strong_windows import TILE, boxes_of_tiles, tiles_of
 from trackers._frames.arrays import Box, Bytes
-from trackers._frames.working_image import View
+from trackers._frames.working_image import WorkingView
 
 Limits = tuple[Bytes, Bytes]  # lowest and highest level (h, w) that does not differ strongly
 
@@ -25,7 +25,7 @@ class PlaneLimits:
     beyond the narrowest limits of the pixels that it contributes to.
     """
 
-    view: View
+    view: WorkingView
     luma: Limits
     colours: tuple[Limits, ...]
     fold: int
@@ -46,7 +46,7 @@ class PlaneLimits:
         return boxes_of_tiles(tiles, (view.width, view.height))
 
 
-def plane_limits_of(view: View, frame: Frame, background_range: BackgroundRange) -> PlaneLimits | None:
+def plane_limits_of(view: WorkingView, frame: Frame, background_range: BackgroundRange) -> PlaneLimits | None:
     """The limits for images searched at full size; None where others are, or where colour is coded in another way.
 
     ``frame`` is one of the clip.

@@ -27,7 +27,7 @@ from trackers._detection.search_window import SearchWindows, sparse_range_of
 from trackers._frames.ahead import ahead
 from trackers._frames.arrays import Bytes, Flags
 from trackers._frames.sampled_frames import SampledFrames
-from trackers._frames.working_image import View
+from trackers._frames.working_image import WorkingView
 
 SAMPLES = 40  # frames from which the background is made, fewer of a large clip
 MISSED_BY_LUMA = 0.1  # share of the moving pixels that luma misses, above which colour is used too
@@ -45,7 +45,7 @@ Likely = Callable[[FrameDetections], Sequence[bool]]  # which detections of a fr
 class DetectionSetup:
     """Setup from the sampled frames: the view, the background range for the search, the detector for centroids."""
 
-    view: View
+    view: WorkingView
     background_range: BackgroundRange
     detector: BlobDetector
     stack: SampledFrames
@@ -88,7 +88,7 @@ def background_of(samples: SampledFrames, estimate: BackgroundEstimate, usable: 
     return Background(samples, usable, None, {step: Background(samples.reduced(step), usable, estimate)})
 
 
-def detection_setup(video: FrameSource, view: View, coarse: bool = False) -> DetectionSetup:
+def detection_setup(video: FrameSource, view: WorkingView, coarse: bool = False) -> DetectionSetup:
     """Background, noise and bounds from frames sampled over the clip; VideoError when there are too few.
 
     With ``coarse`` an image whose bodies are large is searched at half the usual size.
@@ -114,7 +114,7 @@ def detection_setup(video: FrameSource, view: View, coarse: bool = False) -> Det
     return replace(setup, view=view.fitted(samples, moving))
 
 
-def _shows_large(view: View, samples: Sequence[Frame]) -> bool:
+def _shows_large(view: WorkingView, samples: Sequence[Frame]) -> bool:
     """Whether the moving bodies, all but a few specks, are large at the search size of this view."""
     stack = np.stack([view.with_chroma().search_image(frame) for frame in samples])
     background_range = background_range_of(estimate_background(stack))

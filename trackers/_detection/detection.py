@@ -17,7 +17,7 @@ from trackers._detection.strong_windows import grown
 from trackers._detection.subpixel_centroid import Centre, Window, coverage_centre
 from trackers._detection.window_kernels import looks_of, made_ready, paste
 from trackers._frames.arrays import Bytes, Image
-from trackers._frames.working_image import View
+from trackers._frames.working_image import WorkingView
 
 MIN_INSCRIBED = 1.3  # px, inscribed radius
 HAND_SHARE = 0.35  # of the body's inscribed radius: a hand or arm is at least as thick
@@ -125,7 +125,7 @@ class BlobDetector:
     """
 
     background: Background
-    view: View
+    view: WorkingView
     inflation: float
     streaks: bool = True
     refined: bool = True

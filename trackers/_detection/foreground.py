@@ -98,7 +98,7 @@ class Blob:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Component:
+class ConnectedComponent:
     """A connected part that differs: its mask and its difference (grey levels) in a window at (left, top)."""
 
     mask: Bytes
@@ -112,7 +112,7 @@ class Component:
         height, width = self.mask.shape
         return (self.left, self.top, self.left + width, self.top + height)
 
-    def moved(self, left: int, top: int) -> Component:
+    def moved(self, left: int, top: int) -> ConnectedComponent:
         """The same component in an image whose corner lies ``left`` and ``top`` px farther left and up."""
         return replace(self, left=self.left + left, top=self.top + top)
 
@@ -134,7 +134,7 @@ def rounded(image: Image) -> Bytes:
 
 def components(
     background_range: BackgroundRange, image: Bytes, colour_mask: Flags | None = None
-) -> Iterator[Component]:
+) -> Iterator[ConnectedComponent]:
     """Connected parts that differ from the background: weakly, but in touch with a strong difference.
 
     Only windows round the strong differences are searched, which grow until they hold the parts whole.
@@ -144,7 +144,7 @@ def components(
     if colour_mask is not None:
         strong &= colour_mask
 
-    def parts_in(box: Box) -> list[Component]:
+    def parts_in(box: Box) -> list[ConnectedComponent]:
         window = slice(box[1], box[3]), slice(box[0], box[2])
         mask = None if colour_mask is None else colour_mask[window]
         return parts_of(background_range, image[window], box, mask)
@@ -153,13 +153,13 @@ def components(
 
 
 def whole_parts(
-    parts_in: Callable[[Box], list[Component]], boxes: list[Box], size: tuple[int, int]
-) -> Iterator[Component]:
+    parts_in: Callable[[Box], list[ConnectedComponent]], boxes: list[Box], size: tuple[int, int]
+) -> Iterator[ConnectedComponent]:
     """The components in some boxes of an image of that width and height, which grow until they hold the parts whole.
 
     ``parts_in`` gives those in one box, by :func:`parts_of`.
     """
-    parts = dict[Box, list[Component]]()
+    parts = dict[Box, list[ConnectedComponent]]()
     while boxes:
         if are_most(boxes, size):
             boxes = [(0, 0, *size)]
@@ -173,7 +173,7 @@ def whole_parts(
 
 def parts_of(
     background_range: BackgroundRange, image: Bytes, box: Box, colour_mask: Flags | None = None
-) -> list[Component]:
+) -> list[ConnectedComponent]:
     """The components of the image of a box; those that reach a side may be parts of larger ones.
 
     ``colour_mask`` (h, w) limits the search to some pixels of the box.
@@ -194,7 +194,7 @@ def parts_of(
             inside = (slice(top, bottom), slice(left, right))
             excess = part.part((left, top, right, bottom)).excess(image[inside])
             mask = (labels[inside] == number).view(np.uint8)
-            found.append(Component(mask, most_of_channels(excess), left + box[0], top + box[1]))
+            found.append(ConnectedComponent(mask, most_of_channels(excess), left + box[0], top + box[1]))
     return found
 
 
@@ -204,7 +204,7 @@ def _reaches_side(part: Box, box: Box, size: tuple[int, int]) -> bool:
     return low or any(part[k + 2] > box[k + 2] - FRAYED and box[k + 2] < size[k] for k in (0, 1))
 
 
-def _first_block(component: Component) -> tuple[int, int]:
+def _first_block(component: ConnectedComponent) -> tuple[int, int]:
     """Row and column of the first square of 2 x 2 px, row by row, that holds a part of a component."""
     row = component.top // 2
     first = component.mask[: 2 * row + 2 - component.top].any(axis=0)
@@ -241,7 +241,7 @@ def blobs(background_range: BackgroundRange, image: Bytes, colour_mask: Flags | 
     return blobs_of(components(background_range, image, colour_mask), image.shape)
 
 
-def blobs_of(parts: Iterable[Component], shape: tuple[int, ...]) -> list[Blob]:
+def blobs_of(parts: Iterable[ConnectedComponent], shape: tuple[int, ...]) -> list[Blob]:
     """The compact parts of some components of an image of that shape; see :func:`blobs`."""
     found_blobs: list[Blob] = []
     for component in parts:
@@ -252,7 +252,7 @@ def blobs_of(parts: Iterable[Component], shape: tuple[int, ...]) -> list[Blob]:
     return sorted(found_blobs, key=lambda blob: -blob.area)[:MAX_BLOBS]
 
 
-def stout(component: Component) -> Component:
+def stout(component: ConnectedComponent) -> ConnectedComponent:
     """A component cut to the box of its parts thicker than a cord: the box of a cord is large, and slow to search."""
     if component.mask.size < LARGE_BOX:
         return component
@@ -261,7 +261,7 @@ def stout(component: Component) -> Component:
     x, y, width, height = cv2.boundingRect((depth > thick).astype(np.uint8))
     reach = int(thick) + FRINGE
     window = slice(max(0, y - 1 - reach), y + height + reach), slice(max(0, x - 1 - reach), x + width + reach)
-    return Component(
+    return ConnectedComponent(
         np.ascontiguousarray(component.mask[window]),
         np.ascontiguousarray(component.level[window]),
         component.left + window[1].start,
@@ -269,7 +269,7 @@ def stout(component: Component) -> Component:
     )
 
 
-def _blobs_at(component: Component, faintest: float, shape: tuple[int, ...]) -> tuple[list[Blob], float]:
+def _blobs_at(component: ConnectedComponent, faintest: float, shape: tuple[int, ...]) -> tuple[list[Blob], float]:
     """The blobs of the parts of a component that differ by ``faintest`` grey levels or more, and how clear they are.
 
     See :func:`cut_at`.
@@ -280,7 +280,9 @@ def _blobs_at(component: Component, faintest: float, shape: tuple[int, ...]) -> 
     return [_blob(component, shape, (owner, depth), number, row) for number, row in rows], clearness
 
 
-def _blob(component: Component, shape: tuple[int, ...], seen: tuple[Labels, Image], number: int, row: Array) -> Blob:
+def _blob(
+    component: ConnectedComponent, shape: tuple[int, ...], seen: tuple[Labels, Image], number: int, row: Array
+) -> Blob:
     """One part of a component of an image of that shape, from the maps of :func:`cut_at` and its row of the table."""
     owner, depth = seen
     left, top, right, bottom = (int(side) for side in row[LEFT:INSCRIBED])
@@ -296,7 +298,9 @@ def _blob(component: Component, shape: tuple[int, ...], seen: tuple[Labels, Imag
     return Blob(mask, x, y, inscribed, edge, held)
 
 
-def _hangs_on_edge(depth: Image, seed: tuple[int, int, float], component: Component, shape: tuple[int, ...]) -> bool:
+def _hangs_on_edge(
+    depth: Image, seed: tuple[int, int, float], component: ConnectedComponent, shape: tuple[int, ...]
+) -> bool:
     """Whether a seed is connected to the edge of the image by something at least an arm thick.
 
     The seed is the column and row of one of its pixels in the window of a component, and the greatest depth in it.
@@ -308,7 +312,7 @@ def _hangs_on_edge(depth: Image, seed: tuple[int, int, float], component: Compon
     return _near_edge(_moved((left, top, left + width, top + height), component), arm, shape)
 
 
-def _moved(box: tuple[int, ...], component: Component) -> Box:
+def _moved(box: tuple[int, ...], component: ConnectedComponent) -> Box:
     """A box in the window of a component, in the image."""
     left, top, right, bottom = box
     return left + component.left, top + component.top, right + component.left, bottom + component.top

@@ -10,16 +10,16 @@ import numpy as np
 from iris_sysid.types import Frame
 from trackers._background.median import Background, BackgroundEstimate
 from trackers._detection.detection import BlobDetector
-from trackers._detection.foreground import MIN_AREA, Blob, Component
+from trackers._detection.foreground import MIN_AREA, Blob, ConnectedComponent
 from trackers._frames.arrays import MAD_TO_SD, QUANTISATION_SD, Bytes, Image
 from trackers._frames.sampled_frames import SampledFrames
-from trackers._frames.working_image import View
+from trackers._frames.working_image import WorkingView
 
 RING, GAP = 9, 3  # px of the search image: width of the ring round a body, and the gap between body and ring
 MIN_RING = 12  # px that show the surroundings
 
 
-def components_of(mask: Bytes) -> list[Component]:
+def components_of(mask: Bytes) -> list[ConnectedComponent]:
     """The connected parts of a mask, all of one strength."""
     closed = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
     count, labels, stats, _ = cv2.connectedComponentsWithStats(closed, connectivity=8)
@@ -28,11 +28,11 @@ def components_of(mask: Bytes) -> list[Component]:
         left, top, width, height, area = (int(value) for value in stats[label])
         if area >= MIN_AREA:
             body = (labels[top : top + height, left : left + width] == label).astype(np.uint8)
-            components.append(Component(body, 255 * body, left, top))
+            components.append(ConnectedComponent(body, 255 * body, left, top))
     return components
 
 
-def local_detector(view: View, frame: Frame, image: Bytes, covered: Bytes, blob: Blob) -> BlobDetector | None:
+def local_detector(view: WorkingView, frame: Frame, image: Bytes, covered: Bytes, blob: Blob) -> BlobDetector | None:
     """The measurement of one body against the colour just outside of it; None where nothing is visible outside.
 
     Parameters

@@ -22,7 +22,7 @@ from trackers._detection.detection import MIN_INSCRIBED, BlobDetector, FrameCand
 from trackers._detection.foreground import (
     BackgroundRange,
     Blob,
-    Component,
+    ConnectedComponent,
     any_channel,
     blobs_of,
     components,
@@ -35,7 +35,7 @@ from trackers._detection.strong_windows import merged, overlap
 from trackers._frames.ahead import ahead
 from trackers._frames.arrays import Box, Bytes, Flags
 from trackers._frames.sampled_frames import SampledFrames
-from trackers._frames.working_image import View
+from trackers._frames.working_image import WorkingView
 
 WHOLE_EVERY, WATCH_EVERY = 12, 3  # frames
 SPACING = 4  # pixels of the search between those of the sparse grid
@@ -56,7 +56,7 @@ class SearchWindows:
     where a frame may differ, if they are known.
     """
 
-    view: View
+    view: WorkingView
     background_range: BackgroundRange
     sparse_range: BackgroundRange | None
     plane_limits: PlaneLimits | None = None
@@ -102,7 +102,7 @@ class SearchWindows:
         else:  # the search takes less time than the measurement of its results in the other threads
             yield from (detector.candidates(*found) for found in self.in_order(frames))
 
-    def _found(self, frame: Frame, boxes: list[Box]) -> tuple[dict[Box, list[Component]], list[Blob]]:
+    def _found(self, frame: Frame, boxes: list[Box]) -> tuple[dict[Box, list[ConnectedComponent]], list[Blob]]:
         """The components in some boxes, which grow until none cuts one, and their blobs."""
         parts = {box: self._components(frame, box) for box in boxes}
         for _ in range(GROWTHS):
@@ -119,7 +119,7 @@ class SearchWindows:
             parts = {self._whole: self._components(frame, self._whole)}
         return parts, blobs_of((part for found_components in parts.values() for part in found_components), self._shape)
 
-    def _components(self, frame: Frame, box: Box, colour_mask: Flags | None = None) -> list[Component]:
+    def _components(self, frame: Frame, box: Box, colour_mask: Flags | None = None) -> list[ConnectedComponent]:
         if box == self._whole and colour_mask is None and self.plane_limits is not None:
             return list(whole_parts(partial(self._parts_in, frame), self.plane_limits.windows(frame), box[2:]))
         image = self.view.part(frame, box, self.view.step)
@@ -129,7 +129,7 @@ class SearchWindows:
         )
         return list(moved if self.sparse_range is None else map(stout, moved))
 
-    def _parts_in(self, frame: Frame, box: Box) -> list[Component]:
+    def _parts_in(self, frame: Frame, box: Box) -> list[ConnectedComponent]:
         return parts_of(self.background_range, self.view.part(frame, box, self.view.step), box)
 
     @property

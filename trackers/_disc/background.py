@@ -10,7 +10,7 @@ import numpy as np
 from trackers._background.median import Background
 from trackers._disc.expected_position import ExpectedPath
 from trackers._frames.arrays import Flags, Image
-from trackers._frames.working_image import View
+from trackers._frames.working_image import WorkingView
 
 ROUND_DISC = 3.0  # px about an expected disc that its outline may take
 MIN_SAMPLES = 3  # that must show the background
@@ -35,7 +35,7 @@ class KnownBackground:
 
 
 def background_without_discs(
-    background: Background, view: View, numbers: Iterable[int], expected_paths: Sequence[ExpectedPath]
+    background: Background, view: WorkingView, numbers: Iterable[int], expected_paths: Sequence[ExpectedPath]
 ) -> KnownBackground:
     """The background from those samples (the frames of these numbers) in which no disc is in front of it."""
     height, width = background.stack.shape[1:3]

@@ -14,7 +14,7 @@ from trackers._disc.fit import fit_disc, image_cutout, shows_disc
 from trackers._disc.model import Disc, Form, Motion
 from trackers._frames.ahead import ahead
 from trackers._frames.arrays import Bytes
-from trackers._frames.working_image import View
+from trackers._frames.working_image import WorkingView
 
 MAX_SEARCH_WIDTH = 480  # px
 SMOOTHING = 1.5  # px, before the search
@@ -36,7 +36,7 @@ Chain = list[int]
 class Search:
     """The size at which circles are searched: ``step`` px of the image are one px there."""
 
-    view: View
+    view: WorkingView
 
     @property
     def step(self) -> int:
@@ -78,7 +78,7 @@ def circles(image: Bytes) -> Array:
     return np.asarray(detected, dtype=np.float64).reshape(-1, detected.shape[-1])[:MAX_CIRCLES, :3]
 
 
-def path_of_circles(video: FrameSource, view: View) -> ExpectedPath | None:
+def path_of_circles(video: FrameSource, view: WorkingView) -> ExpectedPath | None:
     """The path of the disc that moves or changes its size over most frames; None when there is none."""
     search = Search(view)
     times: dict[int, float] = {}

@@ -9,7 +9,7 @@ import numpy as np
 from iris_sysid.types import Array
 from trackers._disc.edge_coverage import edge_reach
 from trackers._disc.model import BLUR, OVAL_ALONG, RADIUS, Disc, DiscModel, Form, Motion, X, Y
-from trackers._disc.robust_least_squares import TUKEY, Labels, Pixels, Solution, robust_fit
+from trackers._disc.robust_least_squares import TUKEY, Labels, Pixels, RobustSolution, robust_fit
 from trackers._frames.arrays import Box, Bytes, Flags, Image
 from trackers._uncertainty.error_correlation import lobe_amplitudes
 from trackers._uncertainty.pixel_correlation import variance_of_sum
@@ -73,7 +73,7 @@ class DiscFit:
     """A fitted disc and its pixels: rows and columns in the cutout of the pixels that count."""
 
     seen: SeenDisc
-    solution: Solution
+    solution: RobustSolution
     rows: Labels
     columns: Labels
 
@@ -229,7 +229,7 @@ def _thin(chosen: Flags, part: Flags, most: int) -> None:
     chosen.ravel()[np.delete(places, np.s_[:: max(1, places.size // most)])] = False
 
 
-def _disc_of(solution: Solution, model: DiscModel) -> Disc:
+def _disc_of(solution: RobustSolution, model: DiscModel) -> Disc:
     x, y, radius, blur = (float(value) for value in solution.parameters[: BLUR + 1])
     along, across = solution.parameters[OVAL_ALONG : model.form.outline] if model.form.oval else (0.0, 0.0)
     contrast, intensity = model.contrast_of(solution.parameters)

@@ -13,7 +13,7 @@ from trackers._disc.expected_position import ExpectedPath
 from trackers._disc.fit import Cutout, DiscFit, SeenDisc, band, box_about, fit_disc, shows_disc, with_errors
 from trackers._disc.model import Disc, Form
 from trackers._frames.ahead import ahead
-from trackers._frames.working_image import View
+from trackers._frames.working_image import WorkingView
 from trackers._uncertainty.pixel_correlation import noise_correlation
 
 SURROUNDINGS = tuple(
@@ -61,7 +61,7 @@ class DiscAppearance:
 class DiscFitter:
     """Fits discs to a frame: holds the region, its background, and the expected position of each body."""
 
-    view: View
+    view: WorkingView
     background: KnownBackground
     expected_paths: Sequence[ExpectedPath]
     appearances: Mapping[int, DiscAppearance] = field(default_factory=dict)

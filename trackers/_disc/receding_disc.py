@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from iris_sysid.types import Frame
 from trackers._disc.circle_detection import MAX_GAP, Search, best_chain, circles
 from trackers._disc.model import Disc
-from trackers._frames.working_image import View
+from trackers._frames.working_image import WorkingView
 
 # Chosen on rendered falls (640x360, 960x540), where 7 to 40 of 40 samples show it and its radius changes 1.24 to 2.8
 # times; in 27 real clips no circle that 6 samples show changes more than 1.18 times where one body is followed
@@ -15,7 +15,7 @@ MIN_SAMPLES = 6
 MIN_RATIO = 1.2  # largest radius over smallest, the one extreme of each left out: a single circle may be another's
 
 
-def receding_disc(frames: Sequence[Frame], view: View) -> dict[int, Disc]:
+def receding_disc(frames: Sequence[Frame], view: WorkingView) -> dict[int, Disc]:
     """The circle that changes over most of the sampled frames, where it changes its size; empty if there is none.
 
     Parameters

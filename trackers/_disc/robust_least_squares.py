@@ -84,7 +84,7 @@ class Model(Protocol):
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Solution:
+class RobustSolution:
     """Parameters (p,), their information matrix (p, p), and of each pixel its jacobian (n, p), residual, sigma, weight.
 
     ``sigma`` (n,) is the noise as measured by the residuals of the zone; ``last_step`` (p,) is the one that was
@@ -109,7 +109,7 @@ class Solution:
         return (self.weight / self.sigma)[:, np.newaxis] * (self.jacobian @ self.covariance[:, :count])
 
 
-def robust_fit(model: Model, start: Start, pixels: Pixels, few: tuple[Model, Pixels] | None = None) -> Solution:
+def robust_fit(model: Model, start: Start, pixels: Pixels, few: tuple[Model, Pixels] | None = None) -> RobustSolution:
     """Fit a model to pixels; some of them may show other objects.
 
     The first round takes every pixel as it is; the second counts large residuals linearly (Huber), the third
@@ -134,7 +134,7 @@ def robust_fit(model: Model, start: Start, pixels: Pixels, few: tuple[Model, Pix
     seen = model.equations(rest.parameters, pixels, pixels.noise, 1) if few else rest.equations
     rest = model.round(replace(start, parameters=rest.parameters), pixels, _measured_noise(seen, pixels), 2)
     found = rest.equations
-    return Solution(
+    return RobustSolution(
         rest.parameters, found.information, model.jacobian(), found.residual, rest.sigma, found.weight, rest.last_step
     )
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from iris_sysid.types import Frame
 from trackers._frames.arrays import Box, Bytes
-from trackers._frames.working_image import View
+from trackers._frames.working_image import WorkingView
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -17,7 +17,7 @@ class SampledFrames:
     """Some frames as a view shows them, each pixel the mean of ``step`` x ``step``."""
 
     frames: Sequence[Frame]
-    view: View
+    view: WorkingView
     step: int = 1
 
     @property

@@ -17,7 +17,7 @@ MAX_SEARCH_WIDTH = 960  # px: wider images are searched at reduced size
 
 
 @dataclass(frozen=True, slots=True)
-class View:
+class WorkingView:
     """Region of the frame (px), whether colour counts, the given colour, and the reduction for detection.
 
     ``coarser`` is how many times smaller than usual an image is searched whose bodies are large.
@@ -93,7 +93,7 @@ class View:
         bgr = frame.bgr()[top + self.top : bottom + self.top, left + self.left : right + self.left]
         return self.colour.mask(reduced(bgr, self.step))
 
-    def fitted(self, frames: Sequence[Frame], moving: Sequence[Flags]) -> View:
+    def fitted(self, frames: Sequence[Frame], moving: Sequence[Flags]) -> WorkingView:
         """The same view with the colour fitted to the pixels that move in some frames."""
         if self.colour is None:
             return self
@@ -109,12 +109,12 @@ class View:
         """A position in px of the image of the search, in px of the frame."""
         return (x + 0.5) * self.step - 0.5 + self.left, (y + 0.5) * self.step - 0.5 + self.top
 
-    def with_chroma(self) -> View:
+    def with_chroma(self) -> WorkingView:
         """The same view with colour counted."""
         return replace(self, chroma=True)
 
 
-def view_of(video: FrameSource, options: TrackOptions) -> View:
+def view_of(video: FrameSource, options: TrackOptions) -> WorkingView:
     """The view that the options ask for; DataError when they cannot be met."""
     if options.bodies < 1:
         raise DataError(f"bodies = {options.bodies}: there must be at least one body to follow")
@@ -126,4 +126,4 @@ def view_of(video: FrameSource, options: TrackOptions) -> View:
             f"which is {video.width} px wide and {video.height} px high"
         )
     colour = read_colour(options.colour) if options.colour else None
-    return View(left, top, width, height, chroma=colour is not None, colour=colour)
+    return WorkingView(left, top, width, height, chroma=colour is not None, colour=colour)

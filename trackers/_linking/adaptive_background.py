@@ -14,7 +14,7 @@ from iris_sysid.types import Frame, FrameSource, Track, TrackOptions, with_progr
 from trackers._background.median import Background, BackgroundEstimate
 from trackers._detection.detect_frames import REPORT_EVERY, DetectionSetup, detection_setup
 from trackers._detection.detection import BlobDetector, FrameDetections
-from trackers._detection.foreground import MIN_AREA, SQUARE, Component, blobs_of, most_of_channels
+from trackers._detection.foreground import MIN_AREA, SQUARE, ConnectedComponent, blobs_of, most_of_channels
 from trackers._frames.arrays import Bytes, Flags
 from trackers._frames.working_image import view_of
 from trackers._linking.select_bodies import link_bodies
@@ -95,7 +95,7 @@ def track_with(make: Callable[[int], Subtractor], name: str, video: FrameSource,
     ]
 
 
-def _components(shown: Flags, level: Bytes) -> Iterator[Component]:
+def _components(shown: Flags, level: Bytes) -> Iterator[ConnectedComponent]:
     """The connected parts of a foreground, each with how much it differs from the background."""
     opened = cv2.morphologyEx(shown.astype(np.uint8), cv2.MORPH_OPEN, OPENED)
     closed = cv2.morphologyEx(opened, cv2.MORPH_CLOSE, SQUARE)
@@ -104,4 +104,4 @@ def _components(shown: Flags, level: Bytes) -> Iterator[Component]:
         left, top, width, height, area = (int(value) for value in stats[label])
         if area >= MIN_AREA:
             window = (slice(top, top + height), slice(left, left + width))
-            yield Component((labels[window] == label).astype(np.uint8), level[window], left, top)
+            yield ConnectedComponent((labels[window] == label).astype(np.uint8), level[window], left, top)

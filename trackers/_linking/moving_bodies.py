@@ -12,7 +12,7 @@ from iris_sysid.errors import TrackingError
 from iris_sysid.types import FrameSource, Track, TrackMark, TrackOptions
 from trackers._detection.detect_frames import DetectionSetup, detection_setup, observe
 from trackers._detection.detection import FrameDetections
-from trackers._frames.working_image import View, view_of
+from trackers._frames.working_image import WorkingView, view_of
 from trackers._linking.at_edge import with_frames_at_edge
 from trackers._linking.frame_to_frame import Tracklet
 from trackers._linking.likely_bodies import LikelyBodies, all_measured
@@ -35,7 +35,7 @@ class MovingBodies:
 
     all_detections: list[FrameDetections]
     tracklets: list[Tracklet]
-    view: View
+    view: WorkingView
     setup: DetectionSetup | None = None
 
     def tracks(self, tracker: str, options: TrackOptions) -> list[Track]:
@@ -113,7 +113,7 @@ def follow(video: FrameSource, options: TrackOptions) -> MovingBodies:
     return _each_or_together(video, view, options)
 
 
-def _each_or_together(video: FrameSource, view: View, options: TrackOptions) -> MovingBodies:
+def _each_or_together(video: FrameSource, view: WorkingView, options: TrackOptions) -> MovingBodies:
     """Each body for itself, and if that misses some, all at once."""
     setup = behind_resting_bodies(detection_setup(video, view, coarse=True), options.bodies)
     try:

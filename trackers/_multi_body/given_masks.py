@@ -14,7 +14,7 @@ from trackers._detection.detect_frames import DetectionSetup, detection_setup
 from trackers._detection.detection import FrameDetections
 from trackers._detection.foreground import SQUARE
 from trackers._frames.arrays import Bytes
-from trackers._frames.working_image import View
+from trackers._frames.working_image import WorkingView
 from trackers._linking.frame_to_frame import Tracklet
 from trackers._multi_body.appearance_classes import MIN_SAMPLES, AppearanceClass
 from trackers._multi_body.pixel_assignment import CoveredPixels
@@ -26,8 +26,8 @@ MIN_AREA = 6  # px of a label in a frame, at the size of the search
 
 
 def track_with_masks(
-    video: FrameSource, view: View, options: TrackOptions, mask: FrameSource
-) -> tuple[list[FrameDetections], list[Tracklet], View]:
+    video: FrameSource, view: WorkingView, options: TrackOptions, mask: FrameSource
+) -> tuple[list[FrameDetections], list[Tracklet], WorkingView]:
     """What each frame shows and the tracklet of each body, where a mask says which pixels are bodies.
 
     Masks with several values name the bodies by their values; in masks with one value the bodies are distinguished as
@@ -74,7 +74,7 @@ def track_with_masks(
     return *measure_bodies(video, setup, frames, placed, options), view
 
 
-def _paired(video: FrameSource, view: View, mask: FrameSource) -> tuple[list[tuple[int, float]], list[Bytes]]:
+def _paired(video: FrameSource, view: WorkingView, mask: FrameSource) -> tuple[list[tuple[int, float]], list[Bytes]]:
     """Number and time of each frame, and its mask at the size of the search; the numbers must agree."""
     times, images = [], []
     clip_times = {frame.index: frame.t_s for frame in video.frames()}
@@ -92,7 +92,7 @@ def _paired(video: FrameSource, view: View, mask: FrameSource) -> tuple[list[tup
     return times, images
 
 
-def _small(luma: Bytes, view: View) -> Bytes:
+def _small(luma: Bytes, view: WorkingView) -> Bytes:
     """The region of a mask at the size of the search, each value one that is there."""
     width, height = view.search_size
     region = luma[view.top : view.top + view.height, view.left : view.left + view.width]

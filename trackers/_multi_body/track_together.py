@@ -17,7 +17,7 @@ from trackers._detection.foreground import MIN_AREA, SQUARE, Blob
 from trackers._detection.subpixel_centroid import Centre
 from trackers._frames.ahead import ahead
 from trackers._frames.arrays import Bytes
-from trackers._frames.working_image import View
+from trackers._frames.working_image import WorkingView
 from trackers._linking.frame_to_frame import Tracklet
 from trackers._multi_body.appearance_classes import HALF_COVERED, background_level, learn_classes
 from trackers._multi_body.pixel_assignment import CoveredPixels, covered_pixels
@@ -29,8 +29,8 @@ SEEN = 0.6  # of its area: the centre of a body that shows less is not known
 
 
 def track_together(
-    video: FrameSource, view: View, options: TrackOptions
-) -> tuple[list[FrameDetections], list[Tracklet], View]:
+    video: FrameSource, view: WorkingView, options: TrackOptions
+) -> tuple[list[FrameDetections], list[Tracklet], WorkingView]:
     """All bodies followed at once, told apart by colour where they differ in it; also how the clip was viewed.
 
     Parameters

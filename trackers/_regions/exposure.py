@@ -16,9 +16,9 @@ import numpy as np
 
 from iris_sysid.types import Array, Frame
 from trackers._frames.arrays import Flags
-from trackers._frames.working_image import View
+from trackers._frames.working_image import WorkingView
 from trackers._regions.lamp_brightness import luma_of
-from trackers._regions.linear_light import LinearLight, Pixels
+from trackers._regions.linear_light import LinearLight, PixelIndices
 
 Change = Literal["none", "gain", "room light", "lamp light", "unclear"]
 
@@ -34,10 +34,10 @@ MIN_SIGMAS = 6.0  # standard errors of the background's light: a smaller change 
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Background:
-    """Pixels of the still background, the curve of their light, and the standard error of their mean over it."""
+class BackgroundLight:
+    """PixelIndices of the still background, the curve of their light, and the standard error of their mean over it."""
 
-    pixels: Pixels
+    pixels: PixelIndices
     curve: LinearLight
     noise: float = 0.0
 
@@ -62,7 +62,9 @@ class Exposure:
     patterns: Array
 
 
-def background_of(view: View, samples: Sequence[Frame], lamps: Flags, curve: LinearLight) -> Background | None:
+def background_of(
+    view: WorkingView, samples: Sequence[Frame], lamps: Flags, curve: LinearLight
+) -> BackgroundLight | None:
     """The still background's pixels that the lamps (a mask at the size of the search) light least; None if too dark."""
     stack = np.stack([view.small(luma_of(view, frame)) for frame in samples]).astype(np.float32)
     coding = samples[0].coding
@@ -78,8 +80,10 @@ def background_of(view: View, samples: Sequence[Frame], lamps: Flags, curve: Lin
     rows, columns = np.nonzero(usable)
     stride = -(-rows.size // MAX_PIXELS)
     middle = view.step // 2
-    pixels = Pixels(rows[::stride] * view.step + middle + view.top, columns[::stride] * view.step + middle + view.left)
-    background = Background(pixels, curve)
+    pixels = PixelIndices(
+        rows[::stride] * view.step + middle + view.top, columns[::stride] * view.step + middle + view.left
+    )
+    background = BackgroundLight(pixels, curve)
     light = np.stack([background.each(frame) for frame in samples])
     residual = light - light.mean(axis=0) - (light.mean(axis=1, keepdims=True) - light.mean())
     return replace(background, noise=float(residual.std() / np.sqrt(rows[::stride].size) / light.mean()))

@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike
 from iris_sysid.errors import TrackingError
 from iris_sysid.types import Array, Frame
 from trackers._frames.arrays import MAD_TO_SD, QUANTISATION_SD, Bytes, Flags
-from trackers._frames.working_image import View
+from trackers._frames.working_image import WorkingView
 from trackers._regions.covarying_region import MIN_PIXELS, Region
-from trackers._regions.linear_light import LinearLight, Pixels, cut_off, pixels_of
+from trackers._regions.linear_light import LinearLight, PixelIndices, cut_off, pixels_of
 from trackers._uncertainty.pixel_correlation import noise_correlation, variance_of_sum
 
 MAX_TERMS = 3  # level, slope and bend of each pixel against the mean of the region
@@ -25,7 +25,7 @@ MAX_CUT = 0.02  # of the pixels may be cut off in a frame that is measured
 MIN_SAMPLES = 3
 
 
-def luma_of(view: View, frame: Frame) -> Bytes:
+def luma_of(view: WorkingView, frame: Frame) -> Bytes:
     """The luma of the region of interest of a frame."""
     return frame.luma[view.top : view.top + view.height, view.left : view.left + view.width]
 
@@ -51,7 +51,7 @@ class Lamp:
     white in some sample.
     """
 
-    pixels: Pixels
+    pixels: PixelIndices
     curve: LinearLight
     range_: tuple[float, float]
     curves: Array
@@ -76,7 +76,7 @@ class Lamp:
         return Reading(mean, slope * float(np.sqrt(self.share * variance)), slope, float(cut_off(codes).mean()))
 
 
-def lamp_of(region: Region, view: View, samples: Sequence[Frame], curve: LinearLight) -> Lamp:
+def lamp_of(region: Region, view: WorkingView, samples: Sequence[Frame], curve: LinearLight) -> Lamp:
     """Learn from sampled frames how the pixels of a region, found at reduced size, follow its mean light."""
     mask = _enlarged(region.mask, view)
     rows, columns = (_extent(np.any(mask, axis=axis)) for axis in (1, 0))
@@ -138,7 +138,7 @@ def _powers(mean: Array, range_: tuple[float, float], count: int) -> Array:
     return np.vander((mean - range_[0]) / max(range_[1] - range_[0], 1e-9), count, increasing=True)
 
 
-def _enlarged(mask: Flags, view: View) -> Flags:
+def _enlarged(mask: Flags, view: WorkingView) -> Flags:
     """A mask found at reduced size, at full size."""
     rows = np.arange(view.height) * mask.shape[0] // view.height
     columns = np.arange(view.width) * mask.shape[1] // view.width

@@ -51,7 +51,7 @@ def linear_light(transfer: Transfer, span: float) -> LinearLight:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Pixels:
+class PixelIndices:
     """Some pixels of a frame by rows and columns (m,), px."""
 
     rows: NDArray[np.intp]
@@ -85,10 +85,10 @@ class Pixels:
         return (self._of(plane, luma) - np.float32(middle)) / np.float32(224.0 if coding.limited else 255.0)
 
 
-def pixels_of(mask: Flags, left: int, top: int) -> Pixels:
+def pixels_of(mask: Flags, left: int, top: int) -> PixelIndices:
     """The pixels of a mask (h, w) whose corner is ``left`` and ``top`` px from the frame's."""
     rows, columns = np.nonzero(mask)
-    return Pixels(rows + top, columns + left)
+    return PixelIndices(rows + top, columns + left)
 
 
 def cut_off(codes: tuple[Image, Image, Image]) -> Flags:

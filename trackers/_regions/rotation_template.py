@@ -162,7 +162,7 @@ def match_rotation(pattern: Pattern, image: Image, start: float, *, loose: bool 
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class _Linear:
+class _LinearStep:
     """One step: corrections (p,) of angle, brightness (4) and perhaps shift (2); and what they were found from.
 
     ``terms`` (n, p), ``values`` (n,) and ``weight`` (n,) of the points.
@@ -174,7 +174,7 @@ class _Linear:
     weight: Array
 
 
-def _linear(pattern: Pattern, image: Image, angle: float, shift: Array, *, loose: bool) -> _Linear:
+def _linear(pattern: Pattern, image: Image, angle: float, shift: Array, *, loose: bool) -> _LinearStep:
     turn = rotation(angle)
     offsets = pattern.offset @ turn.T
     values = _seen(image, pattern.axis, (float(shift[0]), float(shift[1])), offsets)
@@ -189,7 +189,7 @@ def _linear(pattern: Pattern, image: Image, angle: float, shift: Array, *, loose
         cut = TUKEY * max(MAD_TO_SD * float(np.median(np.abs(ratio))), 1e-9)
         weight = np.maximum(0.0, 1 - (ratio / cut) ** 2) ** 2 / noise**2
     information, projected = _normal(terms, values, weight)
-    return _Linear(_solved(information, projected), terms, values, weight)
+    return _LinearStep(_solved(information, projected), terms, values, weight)
 
 
 def _normal(terms: Array, values: Array, weight: Array) -> tuple[Array, Array]:
@@ -205,7 +205,7 @@ def _solved(information: Array, projected: Array) -> Array:
     return np.asarray(np.linalg.solve(scaled, (projected / scale)[..., np.newaxis])[..., 0] / scale)
 
 
-def _jackknifed(linear: _Linear, block: NDArray[np.int64]) -> float:
+def _jackknifed(linear: _LinearStep, block: NDArray[np.int64]) -> float:
     """Standard error of the angle by leaving out one block of points after the other."""
     weighted = linear.terms * linear.weight[:, np.newaxis]
     p, count = linear.terms.shape[1], int(block.max()) + 1
