@@ -343,6 +343,11 @@ def candidate_of(problem: Problem, errors: Squares) -> Candidate:
     return Candidate(problem.terms, fitted, float(np.sqrt(blocks.mean())), tuple(map(float, blocks)), values)
 
 
+def has_motion(recording: Recording) -> bool:
+    """Whether the equation of a recording is written out here."""
+    return recording.model.name in MOTIONS
+
+
 def row_of(recording: Recording) -> Row:
     """All of it for one recording."""
     experiment, fits = experiment_of(recording)
@@ -422,7 +427,7 @@ def main() -> None:
         print("| recording | simplest set | components | held out: nothing → it | removed | as good, and minimal |")
         print("|---|---|---|---|---|---|")
         for recording in chosen(options.only, options.without):
-            if options.sealed or not sealed(recording.name):
+            if has_motion(recording) and (options.sealed or not sealed(recording.name)):
                 print(line(kept(recording, options.folder)), flush=True)
 
 

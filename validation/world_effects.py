@@ -115,8 +115,10 @@ def judged(recording: Recording, answer: Answer, reference: Row | None) -> Verdi
 
 
 def reference_of(recording: Recording, folder: Path | None) -> Row | None:
-    """What the reference finds, from its folder; None without one."""
-    return None if folder is None else reference_fits.kept(recording, folder)
+    """What the reference finds, from its folder; None without one, or without the recording's equation in it."""
+    if folder is None or not reference_fits.has_motion(recording):
+        return None
+    return reference_fits.kept(recording, folder)
 
 
 def line(recording: Recording, verdict: Verdict) -> str:
