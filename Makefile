@@ -3,6 +3,7 @@
 # make demo        render a clip with a hidden effect, find its parameters, find the effect
 # make test        the fast tests: minutes
 # make test-slow   real recordings, coverage of intervals, false alarms, Cramer-Rao bound, identity, demo: half an hour
+# make test-lowest fast tests of the packages with the lowest versions that pyproject.toml allows
 # make lint        style, types, and whether the installed packages agree
 # make docs        the pages and the reference of the API, into docs-output/
 # make validation  the measurements that the validation pages quote
@@ -22,10 +23,13 @@ WORKERS ?= 2
 ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1
 PYTEST := $(ONE_THREAD) $(BIN)/python -m pytest -n $(WORKERS) --max-worker-restart 0
 
+# Folders of tests that need no tool beside pytest and hypothesis; old packages warn of one another, which is no error.
+LOWEST ?= $(addprefix tests/,calibration fitters io phenomena synthetic trackers trajectory types video)
+
 SECONDS ?= 3600
 COMPILE := .venv-release/bin/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header --no-annotate
 
-.PHONY: demo test test-slow lint format validation torture fuzz docs wheel sbom constraints clean
+.PHONY: demo test test-slow test-lowest lint format validation torture fuzz docs wheel sbom constraints clean
 
 demo: .venv/ready
 	$(BIN)/iris-sysid demo -o $(DEMO) --force
@@ -35,6 +39,9 @@ test: .venv/ready
 
 test-slow: .venv/ready
 	$(PYTEST) --dist worksteal -m slow --durations=20
+
+test-lowest: .venv-lowest/ready
+	$(ONE_THREAD) .venv-lowest/bin/python -m pytest -n $(WORKERS) --dist loadfile -m "not slow" -W default $(LOWEST)
 
 lint: .venv/ready
 	$(BIN)/python -m pip check
@@ -97,5 +104,10 @@ constraints: .venv-release/ready
 	.venv-release/bin/python $(PINNED) -r .ci/constraints.txt
 	touch $@
 
+.venv-lowest/ready: pyproject.toml .venv-release/ready
+	$(PYTHON) -m venv --clear .venv-lowest
+	.venv-release/bin/uv pip install --quiet --python .venv-lowest/bin/python --resolution lowest-direct --editable . --group test
+	touch $@
+
 clean:
-	rm -rf .venv .venv-release build dist demo-output docs-output fuzz-output *.egg-info
+	rm -rf .venv .venv-release .venv-lowest build dist demo-output docs-output fuzz-output *.egg-info
