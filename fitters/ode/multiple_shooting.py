@@ -71,7 +71,7 @@ class Pieces:
         plain = self.task.problem.part(int(first), int(last))
         return plain.planned(values, FINE.time_step, self.task.target.negligible), values
 
-    def linear(self) -> _Linear:
+    def linear(self) -> _LinearPieces:
         """The residual and the jumps, with their derivatives by the free values and the nodes."""
         with np.errstate(all="ignore"):
             return _linear(self, [_shot(self, piece) for piece in range(len(self.starts) - 1)])
@@ -107,7 +107,7 @@ class _Shot:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class _Linear:
+class _LinearPieces:
     """Residual (r,) predicted - observed in sigma, jumps (j,) in units of size, and their derivatives by all unknowns.
 
     ``predicted`` is (n, d); the unknowns are the free values, then the nodes.
@@ -168,7 +168,7 @@ def _shot(pieces: Pieces, piece: int) -> _Shot:
     )
 
 
-def _linear(pieces: Pieces, shots: list[_Shot]) -> _Linear:
+def _linear(pieces: Pieces, shots: list[_Shot]) -> _LinearPieces:
     target, p = pieces.task.target, len(pieces.task.model.parameters)
     own = pieces.task.unknowns.which
     k, s = own.size, pieces.size.size
@@ -191,7 +191,7 @@ def _linear(pieces: Pieces, shots: list[_Shot]) -> _Linear:
     places = np.arange(count), k + np.arange(count)
     nodes = coo_array((-1.0 / np.tile(pieces.size, count // s), places), shape=(count, total))
     ends = np.array([shot.end for shot in shots[:-1]])
-    return _Linear(
+    return _LinearPieces(
         predicted,
         target.weighted(predicted - target.observed),
         ((ends - pieces.nodes) / pieces.size).ravel(),
