@@ -66,22 +66,24 @@ class EffectSearch:
         Then no set is tried: a likelihood can tell there what else is needed. What can imitate anything counts where
         the motion turns and the components say that there is such a part.
         """
-        base, library = self._cache.base, self._cache.library.by_name
-        screening, testable = self._cache.screening(base), self._cache.testable(base)
-        names = [name for name in screening.names if name in testable]
-        formulas = [name for name in names if not library[name].absorbs and self._is_worth(base, name)]
+        base, library, support = self._cache.base, self._cache.library.by_name, self._support
+        screening, formulas = self._cache.screening(base), self._formulas(base)[:TRIED]
         absorbing = [
-            name
-            for name in names
-            if library[name].absorbs and self._support.turns and self._support.agrees(library[name])
+            name for name in self._testable(base, absorbs=True) if support.turns and support.agrees(library[name])
         ]
-        shortlist = (*formulas[:TRIED], *absorbing[:ABSORBING])
-        models = [self._cache.with_added(base, screening.single(name)) for name in shortlist]
+        models = [self._cache.with_added(base, screening.single(name)) for name in (*formulas, *absorbing[:ABSORBING])]
         return self._best(base, [model for model in models if model.usable and model.explains])
 
-    def _is_worth(self, current: ModelWithEffects, name: str) -> bool:
-        """Whether an effect is of a possible sign to first order, or that tells nothing."""
-        return self._cache.library.allows(self._cache.screening(current).single(name)) or current.far_off
+    def _testable(self, current: ModelWithEffects, *, absorbs: bool) -> list[str]:
+        """The effects that can be tested beside a model, best first: with a formula, or that imitate anything."""
+        testable, library = self._cache.testable(current), self._cache.library.by_name
+        names = self._cache.screening(current).names
+        return [name for name in names if name in testable and library[name].absorbs == absorbs]
+
+    def _formulas(self, current: ModelWithEffects) -> list[str]:
+        """Those with a formula that are of a possible sign to first order; all where that tells nothing."""
+        names, screening = self._testable(current, absorbs=False), self._cache.screening(current)
+        return [name for name in names if self._cache.library.allows(screening.single(name)) or current.far_off]
 
     def _with_formulas(self, current: ModelWithEffects) -> ModelWithEffects:
         """The model with the effects that have a formula and improve the prediction, one or two at a time."""
@@ -96,9 +98,7 @@ class EffectSearch:
     def _refits(self, current: ModelWithEffects) -> list[ModelWithEffects]:
         """Refits of the best sets of one and two more effects, ranked to first order beside a flexible rest."""
         library = self._cache.library.by_name
-        screening, testable = self._cache.screening(current), self._cache.testable(current)
-        names = [name for name in screening.names if name in testable and not library[name].absorbs]
-        names = [name for name in names if self._is_worth(current, name)]
+        screening, names = self._cache.screening(current), self._formulas(current)
         effects = {name: (library[name], screening.scores_of(name)[0].shape) for name in names}
         odds = {name: float(np.log(library[name].plausibility)) for name in names}
         ranked = ranked_effects(self._cache.clips, current.fits, effects, odds, AT_ONCE)
@@ -227,8 +227,7 @@ class EffectSearch:
 
     def _absorbing(self, context: ModelWithEffects) -> list[ModelWithEffects]:
         """Refits of the best few effects that imitate anything."""
-        screening, testable = self._cache.screening(context), self._cache.testable(context)
-        names = [name for name in screening.names if name in testable and self._cache.library.by_name[name].absorbs]
+        screening, names = self._cache.screening(context), self._testable(context, absorbs=True)
         return [self._cache.with_added(context, screening.single(name)) for name in names[:ABSORBING]]
 
     def _pruned(self, current: ModelWithEffects) -> ModelWithEffects:

@@ -167,18 +167,16 @@ class OpenWorld:
                 formulas = self.shares.contexts(model, effect)[-1]
                 if not self.shares.removed_in(formulas, effect) >= NAMED_SHARE:
                     return f"not needed without {name}"
-            rest = self._cache.without(model, main)
-            if finding.word != "group" or not rest.usable:
-                continue
-            rival = self._rival_without(model, rest, effect, finding)
+            rival = self._rival_without(model, main, effect, finding) if finding.word == "group" else ""
             if rival:
                 return f"not needed with {rival.replace('-', ' ')} in the place of {name}"
         return ""
 
-    def _rival_without(self, model: ModelWithEffects, rest: ModelWithEffects, effect: Effect, main: Finding) -> str:
-        """The rival of a larger effect, which ``rest`` lacks, that predicts as well without this effect; or empty."""
-        for name in main.effects[1 : 1 + RIVALS]:
-            if name == effect.name:
+    def _rival_without(self, model: ModelWithEffects, main: Effect, effect: Effect, finding: Finding) -> str:
+        """The rival of ``main``, from its finding, that predicts as well in its place without ``effect``; or empty."""
+        rest = self._cache.without(model, main)
+        for name in finding.effects[1 : 1 + RIVALS]:
+            if name == effect.name or not rest.usable:
                 continue
             inside = name in model.names
             swapped = rest if inside else self._cache.with_added(rest, self._cache.screening(rest).single(name))

@@ -151,17 +151,21 @@ class ModelWithEffects:
     @property
     def far_off(self) -> bool:
         """Whether the residual is so far above the noise that first-order tests along this motion say little."""
-        return self.squares > FAR_OFF**2 * sum(fitted.n * len(fitted.rms) for fitted in self.fits)
+        return self.squares > self._squares_at(FAR_OFF)
 
     @property
     def at_noise(self) -> bool:
         """Whether nothing of the residual is left beside the noise, which is known to a few per cent."""
-        return self.squares <= AT_NOISE**2 * sum(fitted.n * len(fitted.rms) for fitted in self.fits)
+        return self.squares <= self._squares_at(AT_NOISE)
 
     @property
     def explains(self) -> bool:
         """Whether the residual is as small as the noise, as far as the size of that is known."""
-        return self.squares <= COMPLETE**2 * sum(fitted.n * len(fitted.rms) for fitted in self.fits)
+        return self.squares <= self._squares_at(COMPLETE)
+
+    def _squares_at(self, ratio: float) -> float:
+        """The sum of squares of a residual of ``ratio`` times the noise."""
+        return ratio**2 * sum(fitted.n * len(fitted.rms) for fitted in self.fits)
 
     @property
     def independent(self) -> float:

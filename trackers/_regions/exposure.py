@@ -35,7 +35,7 @@ MIN_SIGMAS = 6.0  # standard errors of the background's light: a smaller change 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class BackgroundLight:
-    """PixelIndices of the still background, the curve of their light, and the standard error of their mean over it."""
+    """Pixels of the still background, the curve of their light, and the standard error of their mean over it."""
 
     pixels: PixelIndices
     curve: LinearLight
