@@ -142,7 +142,7 @@ def read_truth(clip: str | Path) -> Truth:
             effects=hidden["effects"],
             hidden=_estimates(hidden["consequences"]),
             true_camera=hidden["camera"],
-            table=pd.read_csv(table_path, dtype={"body": str}, float_precision="round_trip"),
+            table=pd.read_csv(table_path, dtype={"body": str}),
         )
     except (KeyError, TypeError, IndexError, OSError, ValueError) as error:
         raise DataError(f"{truth_path} and its companions are not the truth of a rendered clip: {error!r}") from error
