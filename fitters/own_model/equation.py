@@ -3,20 +3,29 @@
 from __future__ import annotations
 
 import functools
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
 
+import numpy as np
+
+from fitters.effects.input_delay import late
 from fitters.integrator.codegen import generated
-from fitters.own_model.expression import FUNCTIONS, POWER, Expression, ExpressionError, read_equations, symbol
+from fitters.own_model.expression import (
+    FUNCTIONS,
+    INPUT_NAME,
+    POWER,
+    TIME,
+    Expression,
+    ExpressionError,
+    read_equations,
+    symbol,
+)
 from iris_sysid.errors import DataError
-from iris_sysid.types import OdeModel, Parameter, Quantity, picklable
+from iris_sysid.types import Array, OdeModel, Parameter, Quantity, picklable
 from iris_sysid.units import rate_of
 
-TIME = "t"
-INPUT_NAME = re.compile(r"u[0-9]*")
 MAX_STATES = 12
 POSITIVE = ("sqrt", "log")
 ANYTHING = (float("-inf"), float("inf"))
@@ -47,6 +56,21 @@ class _System:
         names = [part.head for _, side in self.sides.values() for part in side.names()]
         return list(dict.fromkeys(name for name in names if name not in self.states and name != TIME))
 
+    @property
+    def inputs(self) -> list[str]:
+        """Names of known inputs."""
+        return [name for name in self.others if INPUT_NAME.fullmatch(name)]
+
+    @property
+    def parameters(self) -> list[str]:
+        """Names of parameters."""
+        return [name for name in self.others if not INPUT_NAME.fullmatch(name)]
+
+    @property
+    def delays(self) -> dict[str, Expression]:
+        """The delay of each input that has one, by its name: a parameter or a number."""
+        return {given.head: delay for _, side in self.sides.values() for given, delay in side.delayed()}
+
 
 def model_from_equation(
     text: str,
@@ -60,8 +84,9 @@ def model_from_equation(
 
     An equation is solved for the highest derivative, ``theta'' = ...`` or ``h' = ...``; several are separated by ``;``.
     On the right stand numbers, names, ``+ - * / ^``, brackets, and sin, cos, tan, exp, log, sqrt, abs, sign, tanh,
-    atan, max, min. ``t`` is the time in s, ``u``, ``u1``, ... are known inputs, ``pi`` is the number. The text is
-    parsed, not run.
+    atan, max, min. ``t`` is the time in s, ``u``, ``u1``, ... are known inputs, ``pi`` is the number. ``u(t - tau)``
+    is an input that acts late, by a parameter or a number, in s; before the record it is taken at its first value.
+    The text is parsed, not run.
 
     Parameters
     ----------
@@ -98,9 +123,7 @@ def model_from_equation(
     array([ 0.2   , -0.1145, -0.0572])
     """
     system = _system(text)
-    inputs = tuple(other for other in system.others if INPUT_NAME.fullmatch(other))
-    parameters = [other for other in system.others if other not in inputs]
-    _check_known("bounds", bounds, parameters)
+    _check_known("bounds", bounds, system.parameters)
     seen = [*observed] or [*system.sides]
     _check_known("observed", seen, list(system.sides))
     return OdeModel(
@@ -109,10 +132,11 @@ def model_from_equation(
         equation=_latex(system),
         source=f"given as text: {text}",
         states=tuple(_state(state, units) for state in system.states),
-        parameters=tuple(_parameter(system, name, units, bounds) for name in parameters),
+        parameters=tuple(_parameter(system, name, units, bounds) for name in system.parameters),
         observed=tuple(_state(name, units) for name in seen),
         rhs=_rhs(text),
-        inputs=tuple(_state(name, units) for name in inputs),
+        inputs=tuple(_state(name, units) for name in system.inputs),
+        drive=_drive(text) if system.delays else None,
     )
 
 
@@ -157,6 +181,7 @@ def _system(text: str) -> _System:
     for _, side in sides.values():
         for part in side.names():
             _check_derivative(system, part)
+    _check_delays(system)
     _check_clash(system)
     return system
 
@@ -170,6 +195,18 @@ def _check_derivative(system: _System, part: Expression) -> None:
     else:
         reason = f"{part.head} is a derivative, but no equation gives one of {name}"
     raise ExpressionError(system.text, part.column, reason)
+
+
+def _check_delays(system: _System) -> None:
+    """An input acts once: with one delay wherever it stands."""
+    for name, delay in system.delays.items():
+        if delay.head in system.states:
+            raise ExpressionError(system.text, delay.column, "a delay is a parameter or a number")
+        places = [part for _, side in system.sides.values() for part in side.names() if part.head == name]
+        delays = [each for _, side in system.sides.values() for given, each in side.delayed() if given.head == name]
+        if len(delays) < len(places) or len({(each.head, each.value) for each in delays}) > 1:
+            reason = f"{name} has one delay wherever it stands; give the record a second column, as u2, for another"
+            raise ExpressionError(system.text, places[-1].column, reason)
 
 
 def _check_clash(system: _System) -> None:
@@ -200,11 +237,13 @@ def _parameter(
     system: _System, name: str, units: Mapping[str, str], bounds: Mapping[str, tuple[float, float]]
 ) -> Parameter:
     inside = [call.parts[0] for _, side in system.sides.values() for call in side.calls() if call.head in POSITIVE]
-    free = (0.0, ANYTHING[1]) if any(part.head == name and not part.parts for part in inside) else ANYTHING
+    delays = [delay.head for delay in system.delays.values()]
+    positive = name in delays or any(part.head == name and not part.parts for part in inside)
+    free = (0.0, ANYTHING[1]) if positive else ANYTHING
     lower, upper = bounds.get(name, free)
     if not lower < upper:
         raise DataError(f"the bounds of {name} must be a smaller and a larger number, not {lower:g} and {upper:g}")
-    return Parameter(name, units.get(name, "1"), symbol(name), lower, upper)
+    return Parameter(name, units.get(name, "s" if name in delays else "1"), symbol(name), lower, upper)
 
 
 def _latex(system: _System) -> str:
@@ -219,14 +258,31 @@ def _latex(system: _System) -> str:
 def _rhs(text: str) -> Callable[..., tuple[float, ...]]:
     """The right-hand side, written from the expressions that were read: indices, numbers and functions only."""
     system = _system(text)
-    inputs = [name for name in system.others if INPUT_NAME.fullmatch(name)]
-    parameters = [name for name in system.others if name not in inputs]
     names = {TIME: "t"}
-    for array, members in (("state", system.states), ("params", parameters), ("inputs", inputs)):
+    for array, members in (("state", system.states), ("params", system.parameters), ("inputs", system.inputs)):
         names |= {name: f"{array}[{k}]" for k, name in enumerate(members)}
     velocities = [names[f"{name}'"] for name in system.second]
     sides = [system.sides[name][1].source(names) for name in system.second]
     sides += [side.source(names) for order, side in system.sides.values() if order == 1]
-    arguments = "t, state, params, inputs" if inputs else "t, state, params"
+    arguments = "t, state, params, inputs" if system.inputs else "t, state, params"
     source = f"def rhs({arguments}):\n    return ({', '.join([*velocities, *sides])},)\n"
     return generated(source, {**FUNCTIONS, "power": POWER})
+
+
+@picklable
+@functools.lru_cache(maxsize=64)
+def _drive(text: str) -> Callable[[Array, Array, Array], Array]:
+    """What acts of the inputs, each late by its delay."""
+    system = _system(text)
+    columns = [system.inputs.index(name) for name in system.delays]
+    delays = list(system.delays.values())
+    which = [system.parameters.index(delay.head) if delay.head else None for delay in delays]
+
+    def drive(t_s: Array, inputs: Array, params: Array) -> Array:
+        acting = np.array(inputs, dtype=np.float64)
+        for column, delay, k in zip(columns, delays, which, strict=True):
+            delay_s = float(delay.value or 0.0) if k is None else float(params[k])
+            acting[:, column] = late(t_s, np.ascontiguousarray(acting[:, column]), delay_s)
+        return acting
+
+    return drive

@@ -18,6 +18,7 @@ from iris_sysid.types import symbol_of
 
 MAX_CHARACTERS, MAX_DEPTH, MAX_OPERATIONS = 1000, 30, 150  # characters of a text, brackets in brackets, operations
 MAX_NAME = 40
+TIME, INPUT_NAME, DELAYED = "t", re.compile(r"u[0-9]*"), "delayed"
 CONSTANTS = {"pi": np.pi}
 FUNCTIONS: Mapping[str, Callable[..., float]] = {
     "sin": np.sin, "cos": np.cos, "tan": np.tan, "exp": np.exp, "log": np.log, "sqrt": np.sqrt, "abs": np.abs,
@@ -43,7 +44,7 @@ class ExpressionError(DataError):
 class Expression:
     """A number (``value``), a name (``head``), or an operation ``head`` on ``parts``; ``column`` is where it stands.
 
-    The name of a derivative ends with as many ``'`` as its order.
+    The name of a derivative ends with as many ``'`` as its order. ``DELAYED`` has an input and its delay as parts.
     """
 
     head: str
@@ -65,12 +66,21 @@ class Expression:
         for part in self.parts:
             yield from part.calls()
 
+    def delayed(self) -> Iterator[tuple[Expression, Expression]]:
+        """The delayed inputs in it, each with its delay: a name or a number."""
+        if self.head == DELAYED:
+            yield self.parts[0], self.parts[1]
+        for part in self.parts:
+            yield from part.delayed()
+
     def source(self, names: Mapping[str, str]) -> str:
-        """Its text for the code generator; ``names`` says how each name is written there."""
+        """Its text for the code generator; ``names`` says how each name is written there, an input's as it acts."""
         if self.value is not None:
             return repr(self.value)
         if not self.parts:
             return names[self.head]
+        if self.head == DELAYED:
+            return names[self.parts[0].head]
         parts = [part.source(names) for part in self.parts]
         if self.head == "negative":
             return f"(-{parts[0]})"
@@ -88,6 +98,8 @@ class Expression:
         if not self.parts:
             return symbols[self.head]
         first, last = self.parts[0], self.parts[-1]
+        if self.head == DELAYED:
+            return rf"{first.latex(symbols)}\left({symbols[TIME]} - {last.latex(symbols)}\right)"
         if self.head == "/":
             return rf"\frac{{{first.latex(symbols)}}}{{{last.latex(symbols)}}}"
         if self.head in ("sqrt", "abs"):
@@ -133,7 +145,7 @@ def read_equations(text: str) -> list[tuple[Expression, Expression]]:
     """
     if len(text) > MAX_CHARACTERS:
         raise ExpressionError(text, MAX_CHARACTERS, f"the text is longer than {MAX_CHARACTERS} characters")
-    return _Reader(text, list(_tokens(text.translate(ALIKE).replace('"', "''"), text))).equations()
+    return _Reader(text, list(_tokens(text.translate(ALIKE).replace('"', "''"), text)), of_time=True).equations()
 
 
 def read_expression(text: str) -> Expression:
@@ -177,8 +189,8 @@ def _check_name(name: str, text: str, column: int) -> None:
 class _Reader:
     """Recursive descent: equation, sum, product, sign, power, item."""
 
-    def __init__(self, text: str, tokens: Sequence[_Token]) -> None:
-        self.text, self.tokens = text, tokens
+    def __init__(self, text: str, tokens: Sequence[_Token], of_time: bool = False) -> None:
+        self.text, self.tokens, self.of_time = text, tokens, of_time
         self.at = self.depth = self.operations = 0
 
     @property
@@ -276,7 +288,24 @@ class _Reader:
         value = CONSTANTS.get(token.text)
         return Expression("" if value is not None else token.text, (), value, token.column)
 
+    def input_at(self, name: _Token) -> Expression:
+        """An input now, ``u(t)``, or earlier, ``u(t - tau)``."""
+        opened, given = self.now, Expression(name.text, (), None, name.column)
+        self.at += 1
+        if self.now.text != TIME:
+            raise self.fail(f"{name.text} is an input: write {name.text}, or {name.text}(t - tau) for a delayed one")
+        self.at += 1
+        if self.take("-"):
+            delay = self.item()
+            if delay.parts or delay.head == TIME or INPUT_NAME.fullmatch(delay.head):
+                raise self.fail("a delay is one number or one name, as tau", name)
+            given = self.operation(DELAYED, name, given, delay)
+        self.close(opened)
+        return given
+
     def call(self, name: _Token) -> Expression:
+        if INPUT_NAME.fullmatch(name.text) and self.of_time:
+            return self.input_at(name)
         if name.text not in FUNCTIONS:
             known = ", ".join(FUNCTIONS)
             raise self.fail(f"there is no function {name.text}; there are {known}. A product needs *", name)

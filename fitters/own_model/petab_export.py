@@ -12,8 +12,8 @@ from typing import Any, cast
 import numpy as np
 import pandas as pd
 
-from fitters.own_model.equation import NO_BOUNDS, TIME, model_from_equation, rates_of_equation
-from fitters.own_model.expression import Expression
+from fitters.own_model.equation import NO_BOUNDS, model_from_equation, rates_of_equation
+from fitters.own_model.expression import TIME, Expression
 from iris_sysid.errors import DataError
 from iris_sysid.io.files import check_writable, write_atomic
 from iris_sysid.types import Array, Estimate, OdeModel, Trajectory

@@ -14,8 +14,7 @@ from types import MappingProxyType, ModuleType
 from typing import Any
 from xml.parsers import expat
 
-from fitters.own_model.equation import INPUT_NAME, TIME
-from fitters.own_model.expression import CONSTANTS, FUNCTIONS, MAX_CHARACTERS
+from fitters.own_model.expression import CONSTANTS, FUNCTIONS, INPUT_NAME, MAX_CHARACTERS, TIME
 from fitters.own_model.petab_export import DEFINED, NODES, petab_package
 from iris_sysid.errors import DataError
 

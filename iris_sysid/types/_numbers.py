@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 
 NORMAL_975 = 1.959963984540054  # 97.5 % quantile of the standard normal
-GREEK = ("alpha", "beta", "gamma", "delta", "theta", "phi", "psi", "omega")
+GREEK = ("alpha", "beta", "gamma", "delta", "theta", "phi", "psi", "omega", "tau")
 
 
 @dataclass(frozen=True, slots=True)

@@ -85,6 +85,28 @@ def test_hold_decides_how_inputs_go_on_between_samples(folder):
     assert found.fit_percent[0] == pytest.approx(100 * (1 - 1e-2 / np.std(motor_record())), abs=1)
 
 
+def test_a_delayed_input_in_the_text_is_fitted_diagnosed_and_planned(folder):
+    from iris_sysid import SetUpChange, diagnose, model_from_equation, plan
+    from iris_sysid.diagnosis.planning.rivals import Question
+
+    t_s, tau = np.arange(900) / 30, 0.15
+    given = lambda t: np.sin(1.3 * max(t, 0.0)) + 0.5 * np.sin(2.9 * max(t, 0.0) + 1.0)  # noqa: E731
+    rates = lambda t, s: [s[1], -9 * s[0] - 0.3 * s[1] - 0.4 * abs(s[1]) * s[1] + 3 * given(t - tau)]  # noqa: E731
+    x = solve_ivp(rates, (0, t_s[-1]), [0.1, 0.0], "DOP853", t_s, rtol=1e-10, atol=1e-12, max_step=0.02).y[0]
+    table("late.csv", Quantity("x", "m"), t_s, x, 2e-3, np.array([given(t) for t in t_s]))
+    text = "x'' = -k*x - c*x' + b*u(t - tau)"
+    fitted = output_of(f'iris-sysid fit late.csv --equation "{text}" --hold linear -o late.json')
+    assert re.search(r"^tau +0\.1\d* .* s ", fitted, re.MULTILINE)
+    record, effects = read_trajectory("late.csv"), ("quadratic-drag", "coulomb-friction", "input-delay")
+    found = diagnose(record, model_from_equation(text), effects=effects)
+    assert [effect.name for effect in found.added] == ["quadratic-drag"]
+    delay = found.final.estimates["tau"]
+    assert abs(delay.value - tau) < 4 * delay.stderr < 0.01
+    question = Question(model_from_equation(text), ("quadratic-drag", "coulomb-friction"))
+    planned = plan(question, record, changes=[SetUpChange("drive-2", "drive it harder", driven=2.0)])
+    assert planned.proposals[0].power > 0.9
+
+
 def motor_record():
     return read_trajectory("motor2.csv").position[:, 0]
 

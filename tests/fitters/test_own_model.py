@@ -101,6 +101,57 @@ def test_input_is_what_is_named_u():
     assert_found(fit(pushed, model_from_equation("x'' = -k*x - c*x' + b*u")), k=4.0, c=0.3, b=0.7)
 
 
+LATE = "x'' = -k*x - c*x' + b*u(t - tau)"
+
+
+def held_steps(t, seed=1):
+    """An input that changes at every quarter of a second, also before the record."""
+    levels = np.random.default_rng(seed).standard_normal(60)
+    return levels[np.clip(np.floor(np.asarray(t) / 0.25 + 1e-9), 0, 59).astype(int)]
+
+
+def waves(t):
+    """An input that goes on smoothly, and stood still before the record."""
+    t = np.maximum(t, 0.0)
+    return np.sin(1.7 * t) + 0.6 * np.sin(4.1 * t + 1.0) + 0.4 * np.sin(9.3 * t)
+
+
+def late_record(given, hold, tau):
+    """x'' = -16 x - 0.8 x' + 3 u(t - tau), integrated with small steps, and the input as it was given."""
+    t_s = np.arange(1500) / 100
+    rates = lambda t, s: [s[1], -16 * s[0] - 0.8 * s[1] + 3 * float(given(t - tau))]  # noqa: E731
+    truth = solve_ivp(rates, (0, t_s[-1]), [0.1, 0.0], "DOP853", t_s, rtol=1e-9, atol=1e-10, max_step=5e-3).y[0]
+    seen = (truth + 2e-3 * np.random.default_rng(2).standard_normal(t_s.size))[:, None]
+    plain = Trajectory(t_s, (Quantity("x", "m"),), seen, np.full_like(seen, np.nan), np.ones(t_s.size, bool))
+    return plain.with_(input_quantities=(Quantity("u", "V"),), inputs=given(t_s)[:, None], hold=hold)
+
+
+@pytest.mark.parametrize("tau", [0.037, 0.8])
+@pytest.mark.parametrize(("given", "hold"), [(held_steps, "zero-order"), (waves, "linear")])
+def test_delay_of_an_input_is_a_parameter_with_an_interval(given, hold, tau):
+    found = fit(late_record(given, hold, tau), model_from_equation(LATE, units={"u": "V"}))
+    assert_found(found, k=16.0, c=0.8, b=3.0, tau=tau)
+    delay = found.estimates["tau"]
+    assert (delay.unit, found.model.parameter("tau").lower) == ("s", 0.0)
+    assert 0 < delay.stderr < 5e-4
+
+
+def test_delay_in_the_text_is_the_effect_of_that_name():
+    record, plain = late_record(waves, "linear", 0.21), model_from_equation("x'' = -k*x - c*x' + b*u")
+    values = {"k": 16.0, "c": 0.8, "b": 3.0, "x_0": 0.1, "x_rate_0": 0.0}
+    given = {"inputs": record.inputs, "hold": "linear"}
+    late = pickle.loads(pickle.dumps(model_from_equation(LATE)))
+    effect = simulate(with_effects(plain, ["input-delay"]), record.t_s, {**values, "input_delay": 0.21}, **given)
+    assert np.allclose(simulate(late, record.t_s, {**values, "tau": 0.21}, **given).observed, effect.observed)
+    stated = model_from_equation(LATE.replace("tau", "0.21"))
+    assert np.allclose(simulate(stated, record.t_s, values, **given).observed, effect.observed)
+    assert r"u\left(t - \tau\right)" in late.equation
+    now = model_from_equation("x'' = -k*x - c*x' + b*u(t)")
+    assert now.drive is None
+    here, there = (simulate(model, record.t_s, values, **given).observed for model in (now, plain))
+    assert np.array_equal(here, there)
+
+
 def test_what_stands_alone_under_a_root_or_in_a_logarithm_is_above_zero():
     model = model_from_equation("x'' = -sqrt(k)*x - log(m)*x' + sqrt(x - a)")
     assert {p.name: p.lower for p in model.parameters} == {"k": 0.0, "m": 0.0, "a": -np.inf}
@@ -160,6 +211,13 @@ def test_powers_bind_as_in_mathematics():
         ("x'' = x" + "+x" * 400, 308, "more than 150 operations"),
         ("x'' = " + "x" * 41, 7, "the name is longer than 40 letters"),
         ("x\x00'' = 1", 2, "an equation is written as"),
+        ("x' = u(x)", 8, r"u is an input: write u, or u\(t - tau\)"),
+        ("x' = u(t + tau)", 10, r"\+ is not expected here"),
+        ("x' = u(t - 2*tau)", 13, r"\* is not expected here"),
+        ("x' = u(t - (a + b))", 6, "a delay is one number or one name"),
+        ("x' = u(t - x)", 12, "a delay is a parameter or a number"),
+        ("x' = u(t - a) + u", 17, "u has one delay wherever it stands"),
+        ("x' = u(t - a) + u(t - b)", 17, "u has one delay wherever it stands"),
     ],
 )
 def test_text_that_is_no_equation_is_refused_with_its_column(text, column, reason):
