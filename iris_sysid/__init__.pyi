@@ -1,6 +1,7 @@
 """Everything public, and where it is defined: ``iris_sysid/__init__.py`` and type checkers read it here."""
 
 from fitters.compose_effects import with_effects as with_effects
+from fitters.noise.clipped_readings import without_clipped as without_clipped
 from fitters.ode.identifiability import identifiability as identifiability
 from fitters.ode.lmfit_minimizer import lmfit_minimizer as lmfit_minimizer
 from fitters.ode.posterior import PosteriorSample as PosteriorSample

@@ -154,7 +154,7 @@ def prepared(request: EachRequest, model: Model | None, effects: tuple[Effect, .
 
     stated, record, search = request.stated, request.record, request.search
     described, free_by_default = model or _model_of(table, request)
-    (clip,) = _terminal.read_tables([table], record.columns, described)
+    (clip,) = _terminal.read_tables([table], record.columns, described, keep_clipped=record.keep_clipped)
     fixed = _parsing.settings(stated.known, {} if described is None else described.units())
     known = {*fixed, *clip.known}
     free = dict.fromkeys([*(name for name in free_by_default if name not in known), *stated.free])

@@ -91,7 +91,7 @@ def tell_hold(compared: Mapping[Hold, float]) -> Hold:
 
 
 def split(
-    clips: Sequence[Trajectory], validate: str | None, columns: str | None, model: OdeModel
+    clips: Sequence[Trajectory], validate: str | None, stated: RecordArguments, model: OdeModel
 ) -> tuple[list[Trajectory], Trajectory | None]:
     """The records to fit, and the one to validate with: another table, or the last share of the only record."""
     if validate is None:
@@ -101,7 +101,7 @@ def split(
     (clip,) = clips
     match = SHARE.fullmatch(validate.strip())
     if match is None or Path(validate).exists():
-        (record,) = _terminal.read_tables([Path(validate)], columns, model)
+        (record,) = _terminal.read_tables([Path(validate)], stated.columns, model, keep_clipped=stated.keep_clipped)
         return [clip], record
     from fitters.validation_record import split_record
 

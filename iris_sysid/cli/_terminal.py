@@ -67,20 +67,24 @@ def check_suffix(path: Path | None, suffix: str) -> None:
         raise OutputError(f"cannot write {path}: it will be a {suffix} file; end its name with {suffix}")
 
 
-def read_tables(tables: Sequence[Path], columns: str | None, model: OdeModel | None = None) -> list[Trajectory]:
-    """Read trajectories, and tell on stderr what was made of their columns.
+def read_tables(
+    tables: Sequence[Path], columns: str | None, model: OdeModel | None = None, *, keep_clipped: bool = True
+) -> list[Trajectory]:
+    """Read trajectories, and tell on stderr what was made of their columns and of clipped readings.
 
     The only quantity of the unit that ``model`` observes is taken for that quantity, whatever its name; positions x and
     z are taken for the angle or the distance that a phenomenon with that model sees in them.
     """
+    from fitters.noise.clipped_readings import without_clipped
     from iris_sysid.io.csv_read import read_trajectory
     from iris_sysid.io.table_headers import parse_columns
 
     stated = None if columns is None else parse_columns(columns)
     clips = []
     for table in tables:
-        clips.append(read_trajectory(table, stated))
-        for text in clips[-1].origin.get("read_as", ()):
+        read = read_trajectory(table, stated)
+        clips.append(read if keep_clipped else without_clipped(read))
+        for text in (*read.origin.get("read_as", ()), *clips[-1].origin.get("clipped", ())):
             tell(f"{table}: {text}")
         if model is not None:
             clips[-1], text = model.taken_from(clips[-1])

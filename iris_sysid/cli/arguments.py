@@ -108,6 +108,9 @@ class RecordArguments:
             autocompletion=_completion.values("auto", "zero", "linear"),
         ),
     ] = "auto"
+    keep_clipped: Annotated[
+        bool, typer.Option("--keep-clipped", help="Keep readings at the end of a sensor's range, which are left out.")
+    ] = False
 
 
 @dataclass(frozen=True)

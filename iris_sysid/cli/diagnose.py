@@ -92,7 +92,7 @@ def diagnose(
     limits, sensor = search.limits(), _parsing.sensor(search.sensor)
     options = typed(stated, record, search, clip_set=joint.clip_set, validate=joint.validate)
     options["model"] = stated.model or described.name
-    measured = _measured(clips, described, record.columns, search.phenomenon, output, joint, processes)
+    measured = _measured(clips, described, record, search.phenomenon, output, joint, processes)
     # imported after the clips are read, so that an unreadable file is reported without delay
     from iris_sysid.diagnosis.diagnose import diagnose as find_missing_effects
     from iris_sysid.report.diagnosis_text import diagnosis_text
@@ -104,7 +104,7 @@ def diagnose(
     known_before = {name for clip in measured for name in (*fixed, *clip.known)}
     named = [*(name for name in free_by_default if name not in known_before), *stated.free]
     estimated = list(dict.fromkeys(named))
-    trajectories, kept = _records.split(trajectories, joint.validate, record.columns, described)
+    trajectories, kept = _records.split(trajectories, joint.validate, record, described)
     trajectories = _records.held(trajectories, described, record.hold, fixed=fixed, free=estimated)
     with _terminal.phases(f"fitting {described.name}", _how_to_end(search.seconds)) as say:
         diagnosis = find_missing_effects(
@@ -211,7 +211,7 @@ def _advise(planned: "Plan", tables: list[Path], output: Path, same: list[str]) 
 def _measured(
     clips: list[Path],
     model: "OdeModel",
-    columns: str | None,
+    record: RecordArguments,
     phenomenon: str | None,
     output: Path,
     joint: JointArguments,
@@ -231,7 +231,9 @@ def _measured(
     trajectories: list[Trajectory] = []
     for path in clips:
         if not is_dataset(path):
-            trajectories += _terminal.read_tables(tables_in(path), columns, model)
+            trajectories += _terminal.read_tables(
+                tables_in(path), record.columns, model, keep_clipped=record.keep_clipped
+            )
             continue
         if phenomenon is None:
             raise DataError(f"{path} is a data set: choose its clips, e.g. --phenomenon pendulum")

@@ -104,13 +104,14 @@ def fit(
     units = {} if chosen is None else chosen.units()
     fixed, first = (_parsing.settings(texts, units) for texts in (stated.known, how.start))
     options = typed(stated, record, how)
-    clips = [_parsing.with_options(clip, **options) for clip in _terminal.read_tables(tables, record.columns, chosen)]
+    read = _terminal.read_tables(tables, record.columns, chosen, keep_clipped=record.keep_clipped)
+    clips = [_parsing.with_options(clip, **options) for clip in read]
     if chosen is None:
         verdict, model = _choose(clips[0], stated.free, output, force, json)
         stated = replace(stated, model=model)
     else:
         starts = {name: value.value for name, value in first.items()}
-        clips, kept = _records.split(clips, how.validate, record.columns, chosen)
+        clips, kept = _records.split(clips, how.validate, record, chosen)
         clips = _records.held(clips, chosen, record.hold, fixed=fixed, free=stated.free, start=starts)
         values = {"fixed": fixed, "free": stated.free, "start": starts}
         if len(tables) > 1:

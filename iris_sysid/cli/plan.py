@@ -133,7 +133,11 @@ def _after_a_clip(
     question = _question(document, tuple(changes.name), equation, clips[0], record.columns)
     filmed = [] if changes.filmed is None else [changes.filmed]
     trajectories, new = (
-        _as_diagnosed(_terminal.read_tables(tables, record.columns, question.model), document, record.hold)
+        _as_diagnosed(
+            _terminal.read_tables(tables, record.columns, question.model, keep_clipped=record.keep_clipped),
+            document,
+            record.hold,
+        )
         for tables in (clips, filmed)
     )
     # imported after the clips are read, so that an unreadable file is reported without delay

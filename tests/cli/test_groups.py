@@ -47,5 +47,6 @@ def test_record_holds_every_option_and_null_for_an_empty_list():
         "columns": "t=a",
         "sample_time": None,
         "hold": "auto",
+        "keep_clipped": False,
     }
     assert typed(EquationArguments())["set"] is None
