@@ -188,17 +188,22 @@ class WeakRanking:
         given = clip.inputs_at(clip.t_s[valid])
         tested = clip.position[valid] if effect.drive is None or given is None else given
         shapes = [()] if effect.trials is None else list(effect.trials(clip.t_s[valid], tested))
-        shapes = self._nearest(current, effect, shapes) if effect.memory and shapes else shapes[:MAX_SHAPES]
+        ranked = effect.acceleration is not None and len(shapes) > 1 and len(self._clips) == 1
+        if ranked or (effect.memory and shapes):
+            shapes = self._nearest(current, effect, shapes)
         names = [parameter.name for parameter in effect.parameters]
-        sets = []
-        for shape in shapes:
+        sets: list[WeakSet] = []
+        for shape in shapes[:MAX_SHAPES]:
             chosen = shape or [parameter.default or 0.0 for parameter in effect.parameters[1:]]
             begin = dict(zip(names, (0.0, *chosen), strict=True))
-            sets.append(self._of((*current.effects, effect), [{**fit.values, **begin} for fit in current.fits]))
-        fitted = [each for each in sets if each is not None and self._library.allows(self.candidate(each))]
+            found = self._of((*current.effects, effect), [{**fit.values, **begin} for fit in current.fits])
+            if found is not None and self._library.allows(self.candidate(found)):
+                sets.append(found)
+                if ranked:
+                    break
         if effect.memory:  # a slow or a long memory is any slow force
-            fitted = [each for each in fitted if is_sensible(effect, clip.t_s[valid], each.fits[0].values)]
-        return min(fitted, key=lambda each: each.squares, default=None)
+            sets = [each for each in sets if is_sensible(effect, clip.t_s[valid], each.fits[0].values)]
+        return min(sets, key=lambda each: each.squares, default=None)
 
     def _remembering(self, short: WeakRanking, current: WeakSet, effect: Effect) -> WeakSet | None:
         """The set with an effect with a memory, where that is the best in the first samples: it is slow to follow."""
@@ -212,7 +217,10 @@ class WeakRanking:
     def _nearest(
         self, current: WeakSet, effect: Effect, shapes: Sequence[tuple[float, ...]]
     ) -> list[tuple[float, ...]]:
-        """The shape that explains most to first order, if enough: a memory takes long to follow in a fit of each."""
+        """The shapes, those first that explain most to first order, as a force goes with its size.
+
+        Of a memory, which takes long to follow in a fit of each, the first alone, if it explains enough.
+        """
         sizes = np.array([[0.0, *shape] for shape in shapes])
         values = current.fits[0].values
         model = composed_model(self._clips[0], values, self._model, current.effects)
@@ -221,9 +229,11 @@ class WeakRanking:
             return forces_along(effect, sizes, model, t_s, states, slopes)
 
         gains = weak_gains(weak_request(self._clips[0], model, values), values, forces)
-        if gains is None or not np.max(gains) >= MIN_SHARE:
+        if gains is None:
             return []
-        return [shapes[int(np.argmax(gains))]]
+        if effect.memory:
+            return [shapes[int(np.argmax(gains))]] if np.max(gains) >= MIN_SHARE else []
+        return [shapes[k] for k in np.argsort(-gains, kind="stable")]
 
     def _of(self, effects: Sequence[Effect], starts: Sequence[Mapping[str, float]]) -> WeakSet | None:
         fits: list[WeakFit] = []
