@@ -14,7 +14,7 @@ from fitters.noise.reading_step import STEP_TO_SD, reading_step
 from iris_sysid.types import Array, Mask, Trajectory
 
 MIN_RUN = 3  # equal readings in a row: noise repeats the largest value of a record once or twice by chance
-FEWEST = 6  # samples beside a run that a parabola is fitted to: twice its values
+MIN_BESIDE = 6  # samples beside a run that a parabola is fitted to: twice its values
 FOLLOWED = 2.0  # errors of a value that a parabola may be off where it follows the samples
 SURE = 3.0  # standard errors beyond the limit on each side of a run: by chance in 2 of 1e6 runs
 THIRD = 1.4826 / np.sqrt(20.0)  # of the median absolute third difference: standard deviation of white normal noise
@@ -80,7 +80,7 @@ def without_clipped(trajectory: Trajectory) -> Trajectory:
 def _of(trajectory: Trajectory, column: int) -> Iterator[Clipping]:
     known = np.flatnonzero(trajectory.valid)
     t_s, values = trajectory.t_s[known], trajectory.position[known, column]
-    if known.size < 2 * FEWEST + MIN_RUN:
+    if known.size < 2 * MIN_BESIDE + MIN_RUN:
         return
     step, inside = reading_step(values), values[(values > values.min()) & (values < values.max())]
     error = max(THIRD * float(np.median(np.abs(np.diff(inside, 3)))), STEP_TO_SD * step) if inside.size > 3 else step
@@ -115,13 +115,13 @@ def _leads_on(t_s: Array, values: Array, count: int, limit: float, error: float)
 
     Through as many as the run has, if a parabola follows them, else fewer; it is asked a third of their length further.
     """
-    count = max(min(count, values.size), FEWEST)
-    if values.size < FEWEST:
+    count = max(min(count, values.size), MIN_BESIDE)
+    if values.size < MIN_BESIDE:
         return False
     near, powers = values[:count], (t_s[:count] / t_s[count - 1])[:, None] ** np.arange(3)
     inverse = np.linalg.pinv(powers)
     spread = float(np.std(near - powers @ (inverse @ near))) * np.sqrt(count / (count - 3))
-    if spread > FOLLOWED * error and count > FEWEST:
+    if spread > FOLLOWED * error and count > MIN_BESIDE:
         return _leads_on(t_s, values, count // 2, limit, error)
     weights = (-np.ones(3) / 3) ** np.arange(3) @ inverse
     return bool(weights @ near - limit > SURE * max(error, spread) * float(np.linalg.norm(weights)))
