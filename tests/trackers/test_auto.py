@@ -438,6 +438,12 @@ def test_scenery_is_where_nothing_moves_in_several_places_and_a_body_at_rest_is_
     assert (still["scenery"], still["nothing moves"]) == (0.0, 1.0)
 
 
+def test_body_that_rests_in_most_samples_is_seen_to_move_there_too():
+    path = np.vstack([np.column_stack([np.linspace(20, 110, 20), np.full(20, 40.0)]), np.tile((110.0, 40.0), (60, 1))])
+    clip, track = a_track(path)
+    assert evidence_against(track, scene_of(clip))["nothing moves"] == 0.0
+
+
 @pytest.mark.parametrize(("radius", "least"), [(3.5, 0.0), (12.0, 0.05)])
 def test_size_that_changes_by_half_a_pixel_is_no_evidence(radius, least):
     _, track = a_track(SWING)
