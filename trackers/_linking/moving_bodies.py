@@ -159,6 +159,4 @@ def _track_once(
     """Read the clip once: what each frame shows, and the tracklets of the bodies."""
     diagonal = float(np.hypot(video.width, video.height))
     all_detections = observe(video, setup, options, LikelyBodies(options.bodies, diagonal).among)
-    if not all_detections:
-        raise TrackingError("the clip gave no frames; is the part between --start and --stop empty?")
     return all_detections, link_bodies(all_detections, options.bodies, diagonal)
