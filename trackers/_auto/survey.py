@@ -125,7 +125,7 @@ def kinds_of(images: Sequence[Bytes], still: Image, foregrounds: Sequence[Sequen
 def foregrounds_of(images: Sequence[Bytes]) -> tuple[Image, list[list[Blob]]]:
     """The still background (h, w, 3) of sampled search images (h, w, 3), and what differs from it in each of them.
 
-    A body that rests in most of them differs too: the others show what is behind it.
+    A body that rests in most of them differs too: the others show the scenery behind it.
     """
     stack = np.stack(images)
     estimate = estimate_background(stack)
