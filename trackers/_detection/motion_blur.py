@@ -154,7 +154,8 @@ def _pixels(window: Window, sweep: Sweep) -> _Pixels:
     use = np.nonzero((near > 0) & (cv2.dilate(window.other, np.ones((3, 3), np.uint8)) == 0))
     noise = window.noise[use].mean(axis=0, dtype=np.float64)
     image, background = (plane[use].astype(np.float64) / noise for plane in (window.image, window.background))
-    return _Pixels(*(place.astype(np.float64) for place in use[::-1]), image - background, background)
+    y, x = (places.astype(np.float64) for places in use)
+    return _Pixels(x, y, image - background, background)
 
 
 def _plain(left_over: Array) -> Flags:
