@@ -47,7 +47,8 @@ def refined_setup(setup: DetectionSetup, tracklets: Sequence[Tracklet]) -> Detec
 
     ``tracklets`` are the bodies of the first pass.
     """
-    free = _free(setup, _not_left_out(setup, [body for tracklet in tracklets for body in tracklet.detections]))
+    bodies = [body for tracklet in tracklets for body in tracklet.detections]
+    free = _free(setup, _not_left_out(setup, bodies) if len(tracklets) == 1 else bodies)
     if free.mean(axis=0).min() > 1 - MAX_SHARE:
         return None
     again = _from_free(setup, free)
