@@ -91,8 +91,6 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
         return [meant and detection.radius < MAX_BLOB_RADIUS * diagonal for meant, detection in chosen]
 
     all_detections = observe(video, rough, _first_half(options), among)
-    if not all_detections:
-        raise TrackingError("the clip gave no frames; is the part between --start and --stop empty?")
     all_detections, tracklets, refusal = _linked(video, setup, all_detections, options)
     fitter, tracklets = _best_fitter(video, rough, (all_detections, tracklets, refusal), options)
     fits: list[dict[int, SeenDisc]] = [{} for _ in fitter.expected_paths]

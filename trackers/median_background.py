@@ -2,9 +2,9 @@
 
 Frames sampled over the clip give the background and its noise. In each frame the foreground is cut into compact blobs
 without cords and hands, the centroid of each is measured to a fraction of a pixel, and the detections are linked over
-the frames. The clip is read once beside the sampling, twice where a body stayed so long in one position that it became
-background; frames are not kept. More than two bodies, and two that are not both seen throughout, are tracked together,
-also where they touch: the clip is then read twice more.
+the frames. The clip is read once beside the sampling, twice where a body stays so near to one position that
+samples show no hole there; frames are not kept. More than two bodies, and two that are not both seen throughout, are
+tracked together, also where they touch: the clip is then read twice more.
 """
 
 from __future__ import annotations

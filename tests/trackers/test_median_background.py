@@ -187,6 +187,18 @@ def test_body_that_rests_for_most_of_the_clip_is_found_moving_and_at_rest():
     assert rms(errors_px(track, path)) < 0.05
 
 
+def test_clip_of_a_body_that_comes_to_rest_on_its_shadow_is_read_once():
+    y = np.append(12 + 58 * np.linspace(0, 1, 30) ** 2, np.full(70, 70.0))
+    path, images = np.column_stack([np.full(y.size, 64.0), y]), []
+    for place in path:
+        shadow = cv2.GaussianBlur(disc(SHAPE, 64, 78, 9), (0, 0), 3.0) * np.exp(-(70 - place[1]) / 6)
+        images.append(paint(120 * (1 - 0.12 * shadow), disc(SHAPE, *place, 9), 200.0))
+    clip = DrawnClip(noisy(images, 2.0))
+    track = one_track(clip)
+    assert clip.decoded == track.n_valid == y.size
+    assert rms(errors_px(track, path)) < 0.1
+
+
 ORANGE, WALL = (40.0, 110.0, 215.0), (150.0, 165.0, 170.0)  # blue, green, red
 
 

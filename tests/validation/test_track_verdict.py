@@ -13,8 +13,8 @@ def simulated(recordings=120, each=4, seed=1):
     rng = np.random.default_rng(seed)
     n = recordings * each
     rows = pd.DataFrame(dict.fromkeys(verdict.WORDS, np.zeros(n)))
-    rows["rival"], rows["gaps"], rows["missed"] = rng.uniform(0, 1, (3, n)) * [[1], [1], [0.3]]
-    odds = 3.0 - 5.0 * rows["rival"] - 2.0 * rows["gaps"]
+    rows["rival"], rows["kinks"], rows["missed"] = rng.uniform(0, 1, (3, n)) * [[1], [1], [0.3]]
+    odds = 3.0 - 5.0 * rows["rival"] - 2.0 * rows["kinks"]
     rows["share"] = (1 - rows["missed"]) * (rng.uniform(size=n) < 1 / (1 + np.exp(-odds)))
     rows["recording"] = [f"clip {k // each}" for k in range(n)]
     rows["candidate"] = [f"way {k % each}" for k in range(n)]
@@ -27,8 +27,8 @@ def test_weights_of_simulated_tracks_are_found_again():
     found = dict(zip(fit.NAMES, weights, strict=True))
     assert intercept == pytest.approx(3.0, abs=1.0)
     assert found["rival"] == pytest.approx(5.0, abs=1.2)
-    assert found["gaps"] == pytest.approx(2.0, abs=1.2)
-    assert max(weight for name, weight in found.items() if name not in ("rival", "gaps")) == 0.0
+    assert found["kinks"] == pytest.approx(2.0, abs=1.2)
+    assert max(weight for name, weight in found.items() if name not in ("rival", "kinks")) == 0.0
 
 
 def test_what_is_said_of_recordings_left_out_is_found():

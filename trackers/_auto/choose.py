@@ -10,7 +10,7 @@ from iris_sysid.errors import TrackingError
 from iris_sysid.registry import TRACKERS
 from iris_sysid.types import FrameSource, Track, TrackCandidate, TrackOptions
 from trackers._auto.candidates import LED, TrackingStrategy, check_marks, marks_by_body, way_by_marks, ways_by_looks
-from trackers._auto.evidence import missed_marks, two_on_one
+from trackers._auto.evidence import gap_share, missed_marks, two_on_one
 from trackers._auto.fill_gaps import with_gaps_filled, with_marks
 from trackers._auto.sampled_once import SampledOnce
 from trackers._auto.scene import SampledScene
@@ -50,9 +50,7 @@ class TrackerSelection:
         except TrackingError as error:
             candidate = TrackCandidate(way.name, (), str(error))
         else:
-            alone = "guessed" in way.against and bool(self.candidates) and not self.candidates[0].tracks
-            against = (*way.against, "alone") if alone else way.against
-            candidate = TrackCandidate(way.name, tuple(self._judged(track, tracks, against) for track in tracks))
+            candidate = TrackCandidate(way.name, tuple(self._judged(track, tracks, way.against) for track in tracks))
         self.candidates.append(candidate)
         return candidate
 
@@ -180,5 +178,5 @@ def _ways(choice: TrackerSelection) -> Iterator[TrackingStrategy]:
 
 def _has_gaps(candidate: TrackCandidate) -> bool:
     """Whether a body is lost in some frames."""
-    evidence = [track.quality.evidence for track in candidate.tracks if track.quality is not None]
-    return any(known["gaps"] > 0 or known["missed"] > 0 for known in evidence)
+    judged = [(track, track.quality.evidence) for track in candidate.tracks if track.quality is not None]
+    return any(gap_share(track) > 0 or known["missed"] > 0 for track, known in judged)

@@ -10,7 +10,7 @@ import numpy as np
 from iris_sysid.types import Array, Frame, Mask, Track, TrackMark
 from trackers._auto.known_looks import known_looks
 from trackers._auto.scene import Place, SampledScene
-from trackers._auto.survey import WEIGHTS, ObjectClass, any_near, blob_at, colour_distance, looks_like_shadow
+from trackers._auto.survey import WEIGHTS, ObjectClass, any_near, blob_at, colour_distance
 from trackers._frames.arrays import Bytes, Flags
 from trackers._frames.working_image import WorkingView
 
@@ -23,14 +23,8 @@ LIKE_THE_BODY = 0.45  # of the way from the surroundings' colour to the body's: 
 ANOTHER = 30.0
 MIN_INFORMATIVE_CONTRAST = 6.0  # grey levels: a patch with less contrast is left out
 MIN_PATCHES = 4
-LEAP_RADII, LEAP_SPEEDS = 4.0, 5.0  # a step longer than both is a leap: radii, and times the usual step thereabouts
-NEIGHBOURS = 6  # steps before and after
-# px, median change of the radius: the background behind a small body changes its outline by half a pixel (a ball of
-# 3.5 px before a room)
-UNSTEADY_PX = 0.75
 LONG_GAP = 5  # frames without any body, over which paths no longer identify the bodies
 TOGETHER = 1.5  # radii: nearer than this two tracks are of one body
-PART = 3.0  # times the tracked area: the track is a part of a larger object
 ON_TRACK = 0.3  # share of the sightings of a kind that lie on the track: with fewer, the track follows another object
 MIN_SIGHTINGS = 0.3  # share of the samples, for a kind that might be the body
 MAX_REST = 0.5  # share of the samples: a body that rests for longer must be followed there too
@@ -54,21 +48,16 @@ def evidence_against(track: Track, scene: SampledScene, others: Sequence[Track] 
     telling = likeness[np.isfinite(likeness)]
     shown = len(patches.sample) >= MIN_PATCHES
     still, scenery = _where_nothing_moves(track, scene, places)
-    ragged, part, edge = _blobs_at(track, scene, places)
+    ragged, edge = _blobs_at(track, scene, places)
     return {
         "coverage": float(np.mean(track.valid | held_rows(track))),
         "other colours": float(np.mean(telling <= LIKE_THE_BODY)) if telling.size >= MIN_PATCHES else 0.0,
-        "shadow": patches.shadow_share() if shown else 0.0,
         "faint": MIN_INFORMATIVE_CONTRAST / (MIN_INFORMATIVE_CONTRAST + patches.contrast()) if shown else 0.0,
-        "leaps": leaps(track).size / max(track.n_valid, 1),
         "kinks": kinks(track),
-        "changing size": unsteadiness(track),
         "barely moves": 1 / (1 + travel(track)),
-        "gaps": gap_share(track),
         "held": held_share(track),
         "at the edge": edge,
         "ragged": ragged,
-        "part": part,
         "nothing moves": still,
         "scenery": scenery,
         "missed": missed(track, scene, others),
@@ -106,11 +95,6 @@ class Patches:
         share = (expected * found).sum(axis=1) / np.maximum(size, 1e-9) ** 2
         another = np.linalg.norm(found - expected, axis=1) > np.maximum(size, ANOTHER)
         return np.where(another, 0.0, np.where(size > MIN_INFORMATIVE_CONTRAST, share, np.nan))
-
-    def shadow_share(self) -> float:
-        """Share of the patches that look like their surroundings in less light."""
-        pairs = zip(self.inside, self.around, strict=True)
-        return float(np.mean([looks_like_shadow(colour, around) for colour, around in pairs]))
 
     def contrast(self) -> float:
         """Median difference in colour from the surroundings, grey levels."""
@@ -171,38 +155,11 @@ def usual_radius(track: Track) -> float:
     return float(radius) if np.isfinite(radius) else 8.0
 
 
-def leaps(track: Track) -> Array:
-    """Rows (k,) that a track reaches by a leap: a step far longer than the body, and than its steps thereabouts."""
-    rows = np.flatnonzero(track.valid)
-    if rows.size < 4:
-        return np.zeros(0, np.int64)
-    gaps = np.diff(rows)
-    speeds = np.linalg.norm(np.diff(track.xy_px[rows], axis=0), axis=1) / gaps
-    radius = _radius(track, int(rows[0]))
-    found = []
-    for k in np.flatnonzero(speeds * gaps > LEAP_RADII * radius):
-        near = np.concatenate([speeds[max(0, k - NEIGHBOURS) : k], speeds[k + 1 : k + NEIGHBOURS + 1]])
-        if near.size and speeds[k] > LEAP_SPEEDS * max(float(np.median(near)), 1e-9):
-            found.append(int(rows[k + 1]))
-    return np.array(found, dtype=np.int64)
-
-
 def kinks(track: Track) -> float:
     """Share of the frames in which the body is more than its radius off a straight way from the last to the next."""
     three = track.valid[:-2] & track.valid[1:-1] & track.valid[2:]
     bend = np.linalg.norm(np.diff(track.xy_px, n=2, axis=0), axis=1)[three] / 2
     return float(np.mean(bend > usual_radius(track))) if bend.size else 0.0
-
-
-def unsteadiness(track: Track) -> float:
-    """Median change of the radius between frames in which the body is free, over it; that of small bodies left out."""
-    if track.radius_px is None:
-        return 0.0
-    radius = np.where(track.valid & ~held_rows(track) & (track.radius_px > 0), track.radius_px, np.nan)
-    change = np.abs(np.diff(np.log(radius)))
-    if not np.isfinite(change).any():
-        return 0.0
-    return float(np.clip(np.nanmedian(change) - UNSTEADY_PX / usual_radius(track), 0.0, 1.0))
 
 
 def travel(track: Track) -> float:
@@ -227,16 +184,14 @@ def held_share(track: Track) -> float:
     return float(np.mean(held_rows(track)[track.valid])) if track.n_valid else 0.0
 
 
-def _blobs_at(track: Track, scene: SampledScene, places: Mapping[int, Place]) -> tuple[float, float, float]:
-    """How ragged the moving blob at the track is, and in which shares of samples it is far larger, or at the edge."""
+def _blobs_at(track: Track, scene: SampledScene, places: Mapping[int, Place]) -> tuple[float, float]:
+    """How ragged the moving blob at the track is, and in which share of the samples it is at the edge."""
     found = [blob_at(scene.foregrounds[k], at) for k, at in places.items()]
     blobs = [blob for blob in found if blob is not None]
     if len(blobs) < MIN_PATCHES:
-        return 0.0, 0.0, 0.0
-    area = np.pi * (usual_radius(track) / scene.view.step) ** 2
+        return 0.0, 0.0
     round_ = float(np.median([min(1.0, np.pi * blob.inscribed**2 / blob.area) for blob in blobs]))
-    part = float(np.mean([blob.area > PART * area for blob in blobs]))
-    return 1 - round_, part, float(np.mean([blob.held or blob.at_edge for blob in blobs]))
+    return 1 - round_, float(np.mean([blob.held or blob.at_edge for blob in blobs]))
 
 
 def _where_nothing_moves(track: Track, scene: SampledScene, places: Mapping[int, Place]) -> tuple[float, float]:

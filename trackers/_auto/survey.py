@@ -10,7 +10,8 @@ import cv2
 import numpy as np
 
 from iris_sysid.types import Array
-from trackers._background.median import estimate_background
+from trackers._background.median import estimate_again, estimate_background
+from trackers._detection.background_samples import usable_samples
 from trackers._detection.foreground import Blob, background_range_of, blobs
 from trackers._frames.ahead import ahead
 from trackers._frames.arrays import Bytes, Flags, Image
@@ -122,8 +123,15 @@ def kinds_of(images: Sequence[Bytes], still: Image, foregrounds: Sequence[Sequen
 
 
 def foregrounds_of(images: Sequence[Bytes]) -> tuple[Image, list[list[Blob]]]:
-    """The still background (h, w, 3) of sampled search images (h, w, 3), and what differs from it in each of them."""
-    estimate = estimate_background(np.stack(images))
+    """The still background (h, w, 3) of sampled search images (h, w, 3), and what differs from it in each of them.
+
+    A body that rests in most of them differs too: the others show the scenery behind it.
+    """
+    stack = np.stack(images)
+    estimate = estimate_background(stack)
+    usable = usable_samples(stack, estimate)
+    if usable is not None:
+        estimate = estimate_again(stack, estimate, None, usable)
     background_range = background_range_of(estimate)
     # light that flickers or adapts moves the whole image: the middle difference is not motion
     levelled = (_levelled(image, estimate.background) for image in images)

@@ -22,8 +22,7 @@ from trackers._auto.verdict_weights import DOUBTFUL, INTERCEPT, WEIGHTS
 
 Said = tuple[DoubtKind, str, str]  # kind, finding and remedy of a doubt
 PROBABILITY = "probability"  # its name among the evidence
-# known by appearance only; the same where nothing is followed before the background; other objects go farther
-OF_WAYS = ("guessed", "alone", "beside")
+OF_WAYS = ("guessed", "beside")  # known by appearance only; other objects go farther
 OFF = ("missed", "other colours")  # shares of the samples in which the track is not on the body
 HELD_SHARE = 0.5  # of the frames with the body: more often in a hand is not a free motion, even if it is followed well
 MAX_REASONS = 3
@@ -37,29 +36,19 @@ HELD: Said = (
     "a hand, or another object that reaches in from the edge, touches it in {share:.0%} of its frames",
     "mark the free body: --mark {body}=x,y@frame, or cut it off: --start",
 )
-LOOKS: Said = (
-    "ambiguous",
-    "tracked by appearance only: no body was followed well before the still background",
-    "check the overlay, and mark it: --mark {body}=x,y@frame",
-)
-# kind, finding and remedy of each evidence: share of it, count of frames, extent in radii, place and frame of an object
+# kind, finding and remedy of each evidence: share of it, extent in radii, place and frame of an object
 WORDS: Mapping[str, Said] = {
     "other colours": (
         "another-body",
         "the track shows something else in {share:.0%} of the sampled frames",
         BY_MARK,
     ),
-    "shadow": ("shadow", "it looks like a shadow in {share:.0%} of the sampled frames", BY_MARK),
     "faint": ("faint", "the tracked object barely differs from its surroundings", BY_MARK),
-    "leaps": ("jumps", "the track leaps {count} times", BY_MARK),
     "kinks": ("jumps", "its path is broken by more than a radius in {share:.0%} of the frames", BY_MARK),
-    "changing size": ("unsteady-size", "the apparent radius changes by {share:.0%} a frame", BY_MARK),
     "barely moves": ("ambiguous", "it moves by {radii:.1f} radii only", BY_MARK),
-    "gaps": ("missed", "it is not found in {share:.0%} of the frames between the first and the last", BY_MARK),
     "held": HELD,
     "at the edge": HELD,
     "ragged": ("another-body", "the moving object is ragged, as people are", BY_MARK),
-    "part": ("another-body", "in {share:.0%} of the sampled frames it is a part of something larger", BY_MARK),
     "nothing moves": ("another-body", "in {share:.0%} of the sampled frames nothing moves where the track is", BY_MARK),
     "scenery": (
         "another-body",
@@ -91,8 +80,11 @@ WORDS: Mapping[str, Said] = {
         "all bodies are lost together for some frames: names may change there",
         "mark each body before and after: --mark 1=x,y@frame --mark 2=x,y@frame",
     ),
-    "guessed": LOOKS,
-    "alone": LOOKS,
+    "guessed": (
+        "ambiguous",
+        "tracked by appearance only: no body was followed well before the still background",
+        "check the overlay, and mark it: --mark {body}=x,y@frame",
+    ),
     "beside": (
         "ambiguous",
         "other objects move farther; this one looks most like a body",
@@ -172,7 +164,7 @@ def _reasons(
 def _said(name: str, share: float, track: Track, where: Mapping[str, float]) -> Doubt:
     """An evidence of that share in words."""
     kind, finding, remedy = WORDS[name]
-    known = {"share": share, "count": round(share * track.n_valid), "radii": 1 / share - 1, "body": track.body, **where}
+    known = {"share": share, "radii": 1 / share - 1, "body": track.body, **where}
     return Doubt(kind, finding.format(**known), remedy.format(**known))
 
 

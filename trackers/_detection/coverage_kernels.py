@@ -243,7 +243,9 @@ def seen_roughly(
 def sweep_terms(columns: Array, rows: Array, sweep: Array) -> Array:
     """Coverage of pixels (n,) by a swept disc, its shading, and a shadow's terms on the background (n, 7).
 
-    ``sweep`` (5,) is its middle, way and radius, px; see ``motion_blur.Sweep``.
+    The share of the exposure for which each is covered, and, summed over that time, u, v and u^2 + v^2: the position on
+    the disc that it sees, along the way and across it, in radii. ``sweep`` (5,) is its middle, way and radius, px; see
+    ``motion_blur.Sweep``.
     """
     x0, y0, across, down, radius = sweep
     length = max(math.hypot(across, down), 1e-6)

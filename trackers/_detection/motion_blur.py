@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from iris_sysid.types import Array
-from trackers._detection.coverage_kernels import swept, swept_left_over, swept_slopes
+from trackers._detection.coverage_kernels import sweep_terms, swept, swept_left_over, swept_slopes
 from trackers._detection.subpixel_centroid import Centre, Window
 from trackers._detection.window_kernels import moments_of_difference
 from trackers._frames.arrays import MAD_TO_SD, Flags
@@ -58,34 +58,12 @@ class Sweep:
         """Whether the outline is too wide to be seen as such, of a disc large enough to show its shading beside it."""
         return self.radius > MIN_RADIUS and self.length > MIN_WAY * self.radius
 
-    def terms(self, columns: Array, rows: Array) -> Array:
-        """Coverage of pixels (n,) by the disc and its shading terms, (4, n).
-
-        The share of the exposure for which each is covered, and, summed over that time, u, v and u^2 + v^2: the
-        position on the disc that it sees, along the way and across it, in radii.
-        """
-        length = max(self.length, 1e-6)
-        ahead = np.array([self.across, self.down]) / length
-        along = (columns - self.x) * ahead[0] + (rows - self.y) * ahead[1]
-        v = (rows - self.y) * ahead[0] - (columns - self.x) * ahead[1]
-        half = _area(v + 0.5, self.radius) - _area(v - 0.5, self.radius)  # of the chord, mean over a pixel
-        first, last = (np.clip(along + side * half, -length / 2, length / 2) for side in (-1.0, 1.0))
-        u, w, share = (along - first) / self.radius, (along - last) / self.radius, (last - first) / length
-        v = v / self.radius
-        return np.stack([share, share * (u + w) / 2, share * v, share * ((u * u + u * w + w * w) / 3 + v * v)])
-
-
-def _area(v: Array, radius: float) -> Array:
-    """Area between a half circle, its diameter, and the lines at 0 and v."""
-    inside = np.clip(v, -radius, radius)
-    return 0.5 * (inside * np.sqrt(np.maximum(radius**2 - inside**2, 0.0)) + radius**2 * np.arcsin(inside / radius))
-
 
 def streak_centre(window: Window, centre: Centre) -> Centre:
     """The centre of a swept disc where the window shows one; the centre that is known otherwise.
 
     A pixel shows I = B (1 - a) + sum_k c_k t_k + (1 - a) (d_0 + d_1 x + d_2 y), where a is the share of the exposure
-    for which the disc covers it, t_k are its :meth:`Sweep.terms`, c_k the disc's brightness and shading, and d a soft
+    for which the disc covers it, t_k are :func:`sweep_terms`, c_k the disc's brightness and shading, and d a soft
     shadow on the background B. For each sweep of the disc c and d follow by linear least squares, each colour for
     itself; the sweep by non-linear ones (variable projection, Golub and Pereyra 1973, SIAM J. Numer. Anal. 10, 413).
 
@@ -170,13 +148,14 @@ class _Pixels:
 
 def _pixels(window: Window, sweep: Sweep) -> _Pixels:
     """Those near a sweep on which there is nothing else."""
-    columns, rows = (np.arange(size, dtype=np.float64) for size in window.mask.shape[::-1])
-    covered = sweep.terms(columns, rows[:, np.newaxis])[0] > 0
+    rows, columns = np.indices(window.mask.shape, dtype=np.float64).reshape(2, -1)
+    covered = (sweep_terms(columns, rows, sweep.values)[:, 0] > 0).reshape(window.mask.shape)
     near = cv2.dilate(covered.astype(np.uint8), np.ones((2 * FRINGE + 1, 2 * FRINGE + 1), np.uint8))
     use = np.nonzero((near > 0) & (cv2.dilate(window.other, np.ones((3, 3), np.uint8)) == 0))
     noise = window.noise[use].mean(axis=0, dtype=np.float64)
     image, background = (plane[use].astype(np.float64) / noise for plane in (window.image, window.background))
-    return _Pixels(columns[use[1]], rows[use[0]], image - background, background)
+    y, x = (places.astype(np.float64) for places in use)
+    return _Pixels(x, y, image - background, background)
 
 
 def _plain(left_over: Array) -> Flags:

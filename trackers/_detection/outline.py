@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iris_sysid.io.kernels import kernel
-from iris_sysid.types import Array
 from trackers._detection.connected import filled_about
 from trackers._detection.small_images import chamfer, stretched
 from trackers._frames.arrays import Bytes, Flags, Image
@@ -128,23 +127,22 @@ def _half_width(share: Image, distance: Image, axes: int) -> Image:
     height, width = share.shape
     thickness = distance.max()
     if axes == 1 or thickness < MIN_STREAK_DEPTH:
-        away, beside, _ = _outside(share, distance, np.empty((0, 0)))
+        away, beside, _ = _outside(share, distance, 1, (0.0, 0.0))
         alike = _reach(away, beside, max(1.0, MAX_HALF_WIDTH * thickness), True)
         return np.full((height, width), alike, dtype=np.float32)
-    turns = _turns(distance, axes)
-    away, beside, axis = _outside(share, distance, turns)
+    middle = _middle(distance)
+    away, beside, axis = _outside(share, distance, axes, middle)
     reaches = np.empty(axes + 1)
     for k in range(axes):
-        reaches[k] = _reach(
-            away[axis % axes == k], beside[axis % axes == k], max(1.0, MAX_HALF_WIDTH * thickness), False
-        )
+        of_axis = axis % axes == k
+        reaches[k] = _reach(away[of_axis], beside[of_axis], max(1.0, MAX_HALF_WIDTH * thickness), False)
     reaches[axes] = reaches[0]
     widest = reaches.max()
     half_width = np.full((height, width), widest, dtype=np.float32)
     for row in range(height):
         for column in range(width):
             if abs(distance[row, column]) < FAR_WIDTHS * widest + FAR:
-                turn = turns[row, column]
+                turn = _turn(row, column, middle, axes)
                 first = min(int(turn), axes - 1)
                 half_width[row, column] = reaches[first] + (turn - first) * (reaches[first + 1] - reaches[first])
     return half_width
@@ -162,27 +160,19 @@ def _middle(distance: Image) -> tuple[float, float]:
 
 
 @kernel(nogil=True)
-def _turns(distance: Image, axes: int) -> Array:
-    """Direction (h, w) in which pixels are seen from the middle of an outline, from 0 to ``axes`` over half a turn.
-
-    It is that of pixels at most as far outside as the widest outline reaches, and as far inside.
-    """
-    x, y = _middle(distance)
-    farthest = FAR_WIDTHS * max(1.0, MAX_HALF_WIDTH * distance.max()) + FAR
-    turns = np.zeros(distance.shape)
-    for row in range(distance.shape[0]):
-        for column in range(distance.shape[1]):
-            if abs(distance[row, column]) < farthest:
-                turn = math.atan2(row - y, column - x) / math.pi * axes
-                turns[row, column] = turn - axes * math.floor(turn / axes)
-    return turns
+def _turn(row: int, column: int, middle: tuple[float, float], axes: int) -> float:
+    """Direction in which a pixel is seen from a place, from 0 to ``axes`` over half a turn."""
+    turn = math.atan2(row - middle[1], column - middle[0]) / math.pi * axes
+    return turn - axes * math.floor(turn / axes)
 
 
 @kernel(nogil=True)
-def _outside(share: Image, distance: Image, turns: Array) -> tuple[Image, Image, NDArray[np.int64]]:
+def _outside(
+    share: Image, distance: Image, axes: int, middle: tuple[float, float]
+) -> tuple[Image, Image, NDArray[np.int64]]:
     """How far pixels (n,) just outside of an outline are off it, px, their coverage, and in which direction they are.
 
-    ``turns`` (h, w) are those directions; where there are none it is 0.
+    With one of the ``axes`` it is 0; else that nearest to the direction from the ``middle``.
     """
     farthest = max(1.0, MAX_HALF_WIDTH * distance.max()) + FARTHER
     away = np.empty(share.size, dtype=np.float32)
@@ -192,8 +182,8 @@ def _outside(share: Image, distance: Image, turns: Array) -> tuple[Image, Image,
         for column in range(share.shape[1]):
             if -farthest < distance[row, column] < -MIN_HALF_WIDTH:
                 away[count], beside[count] = -distance[row, column], share[row, column]
-                if turns.size:
-                    axis[count] = int(np.rint(turns[row, column]))
+                if axes > 1:
+                    axis[count] = int(np.rint(_turn(row, column, middle, axes)))
                 count += 1
     return away[:count], beside[:count], axis[:count]
 

@@ -179,20 +179,23 @@ def looks_of(planes: Planes, mask: Bytes) -> tuple[float, float]:
     image, background, _ = planes
     level, near = _largest_difference(image, background), dilated(mask, 1)
     height, width = mask.shape
-    slopes = np.zeros((height, width), dtype=np.float32)
+    slopes, count = np.empty(mask.size, dtype=np.float32), 0
     brightening = 0.0
     for y in range(height):
         above, below = mirrored(y - 1, height), mirrored(y + 1, height)
         for x in range(width):
+            if not near[y, x]:
+                continue
             left, right = mirrored(x - 1, width), mirrored(x + 1, width)
             across = level[above, right] - level[above, left] + level[below, right] - level[below, left]
             across += 2 * (level[y, right] - level[y, left])
             down = level[below, left] - level[above, left] + level[below, right] - level[above, right]
             down += 2 * (level[below, x] - level[above, x])
-            slopes[y, x] = math.hypot(across, down) / 8
+            slopes[count] = math.hypot(across, down) / 8
+            count += 1
             if mask[y, x]:
                 brightening += image[y, x, 0] - background[y, x, 0]
-    return brightening / max(1, mask.sum()), quantile(_of_mask(slopes, near), STEEP)
+    return brightening / max(1, mask.sum()), quantile(slopes[:count], STEEP)
 
 
 @kernel(nogil=True)

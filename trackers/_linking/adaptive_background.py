@@ -9,7 +9,6 @@ from typing import Protocol
 import cv2
 import numpy as np
 
-from iris_sysid.errors import TrackingError
 from iris_sysid.types import Frame, FrameSource, Track, TrackOptions, with_progress
 from trackers._background.median import Background, BackgroundEstimate
 from trackers._detection.detect_frames import REPORT_EVERY, DetectionSetup, detection_setup
@@ -85,8 +84,6 @@ def track_with(make: Callable[[int], Subtractor], name: str, video: FrameSource,
     adaptive, all_detections = _Adaptive(setup, subtractor), []
     for frame in with_progress(video.frames(), options.progress, video.n_expected, every=REPORT_EVERY):
         all_detections.append(adaptive.detect(frame))
-    if not all_detections:
-        raise TrackingError("the clip gave no frames; is the part between --start and --stop empty?")
     tracklets = link_bodies(all_detections, options.bodies, float(np.hypot(video.width, video.height)))
     stated = {"tracker": name, "bodies": options.bodies, "roi": options.roi, "colour": options.colour}
     origin = {**stated, "colour_used": setup.view.chroma, "history": HISTORY}

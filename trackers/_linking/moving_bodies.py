@@ -16,7 +16,7 @@ from trackers._frames.working_image import WorkingView, view_of
 from trackers._linking.at_edge import with_frames_at_edge
 from trackers._linking.frame_to_frame import Tracklet
 from trackers._linking.likely_bodies import LikelyBodies, all_measured
-from trackers._linking.refined_background import refined_setup
+from trackers._linking.refined_background import behind_resting_body, refined_setup
 from trackers._linking.select_bodies import link_bodies
 from trackers._linking.to_track import track_of
 from trackers._multi_body.given_masks import track_with_masks
@@ -116,6 +116,8 @@ def follow(video: FrameSource, options: TrackOptions) -> MovingBodies:
 def _each_or_together(video: FrameSource, view: WorkingView, options: TrackOptions) -> MovingBodies:
     """Each body for itself, and if that misses some, all at once."""
     setup = detection_setup(video, view, coarse=True)
+    if options.bodies == 1:
+        setup = behind_resting_body(setup)
     try:
         all_detections, tracklets = _track_once(video, setup, options)
         again = refined_setup(setup, tracklets)
@@ -157,6 +159,4 @@ def _track_once(
     """Read the clip once: what each frame shows, and the tracklets of the bodies."""
     diagonal = float(np.hypot(video.width, video.height))
     all_detections = observe(video, setup, options, LikelyBodies(options.bodies, diagonal).among)
-    if not all_detections:
-        raise TrackingError("the clip gave no frames; is the part between --start and --stop empty?")
     return all_detections, link_bodies(all_detections, options.bodies, diagonal)

@@ -43,9 +43,11 @@ def lobes_of(share: Array, x: float, y: float, area: float) -> Array:
             squared = (column - x) ** 2 + (row - y) ** 2
             if nearest < squared < farthest:
                 away = math.sqrt(squared)
-                disc = min(max((radius - away) / width + 0.5, 0.0), 1.0)
+                off = share[row, column] - min(max((radius - away) / width + 0.5, 0.0), 1.0)
+                if off == 0.0:
+                    continue
                 direction = complex(column - x, row - y) / max(away, 1e-9)
-                turned = (share[row, column] - disc) * direction * direction * direction
+                turned = off * direction * direction * direction
                 sums[0] += turned
                 sums[1] += turned * direction * direction
     sums /= math.pi * radius
