@@ -213,7 +213,10 @@ class EffectSearch:
         return removed_share(self._cache.base, single) >= least
 
     def _with_nuisances(self, current: ModelWithEffects) -> ModelWithEffects:
-        """The model with what imitates anything added, or in the place of another, where that predicts better."""
+        """The model with what imitates anything added, or in the place of another, where that predicts better.
+
+        Formulas are tried again beside each: a large one that comes late hides all others.
+        """
         for _ in range(AT_ONCE):
             if current.at_noise:
                 break
@@ -222,7 +225,8 @@ class EffectSearch:
             found = self._best(current, [model for context in contexts for model in self._absorbing(context)])
             if found is None:
                 break
-            self.reached = current = found
+            self.reached = found
+            current = self._with_formulas(found)
         return current
 
     def _absorbing(self, context: ModelWithEffects) -> list[ModelWithEffects]:
