@@ -213,16 +213,23 @@ def test_effect_beside_a_larger_one_that_can_imitate_anything_is_needed_without_
     assert [each.word for each in world.surviving(model, findings)] == ["located", word]
 
 
-def test_formulas_are_tried_beside_what_imitates_anything_as_it_is_found(monkeypatch):
-    late, both = _predicting(1.0, "dropped-frame"), _predicting(0.5, "dropped-frame", "quadratic-drag")
-    for model in (late, both):
-        model.at_noise = False
-    search = EffectSearch(SimpleNamespace(base=None), None, ComponentSupport(None, False))
-    monkeypatch.setattr(search._cache, "without", lambda *_: SimpleNamespace(usable=False), raising=False)
-    monkeypatch.setattr(search, "_absorbing", lambda context: [late])
-    monkeypatch.setattr(search, "_best", lambda current, models: None if current is both else late)
-    monkeypatch.setattr(search, "_with_formulas", lambda current: both if current is late else current)
-    assert search._with_nuisances(SimpleNamespace(effects=[], at_noise=False)) is both
+@pytest.mark.parametrize(("error", "taken"), [(0.5, True), (2.0, False)])
+def test_formulas_are_tried_beside_what_imitates_anything_and_is_named(monkeypatch, error, taken):
+    found = _predicting(1.0, "dropped-frame", "zero-drift")
+    grown = _predicting(error, "dropped-frame", "quadratic-drag")
+    started = []
+
+    def with_effects(effects, starts):
+        started.append([effect.name for effect in effects])
+        return SimpleNamespace(usable=True)
+
+    shares = SimpleNamespace(estimate=lambda model: model.errors)
+    cache = SimpleNamespace(base=None, with_effects=with_effects)
+    search = EffectSearch(cache, shares, ComponentSupport(None, False))
+    monkeypatch.setattr("iris_sysid.diagnosis.effect_search.starts_of", lambda *_: ())
+    monkeypatch.setattr(search, "_with_formulas", lambda current: grown)
+    assert search.beside(found, {"dropped-frame"}) is (grown if taken else found)
+    assert started == [["dropped-frame"]]  # what only fits is left out
 
 
 @pytest.mark.parametrize(("certain", "share"), [([], 2 / 92), (["dropped-frame"], 1.0)])
