@@ -48,22 +48,30 @@ class InitialValueProblem:
         """States (n, s, c) for c columns of values (p + s, c)."""
         if self.model.warp is None and self.model.drive is None:
             return self._integrated(self.t_s, columns, self.inputs)
-        parts = [self._warped(columns[:, c : c + 1]) for c in range(columns.shape[1])]
-        return np.concatenate(parts, axis=2)
+        states = np.empty((self.t_s.size, len(self.model.states), columns.shape[1]))
+        for (times, inputs), alike in self._by_times_and_inputs(columns):
+            states[:, :, alike] = self._warped(times, columns[:, alike], inputs)
+        return states
 
-    def _times(self, column: Array) -> Array:
-        """The times (n,) s that the samples really show."""
+    def _by_times_and_inputs(self, columns: Array) -> list[tuple[tuple[Array, Array], list[int]]]:
+        """The times (n,) s and inputs (n, m) that act, each with the columns that they are of: few values move them."""
+        groups: dict[tuple[bytes, bytes], tuple[tuple[Array, Array], list[int]]] = {}
+        for c, params in enumerate(columns[: len(self.model.parameters)].T):
+            known = self._times(params), self.acting(params)
+            groups.setdefault((known[0].tobytes(), known[1].tobytes()), (known, []))[1].append(c)
+        return list(groups.values())
+
+    def _times(self, params: Array) -> Array:
+        """The times (n,) s that the samples really show; ``params`` (p,), each in its own unit."""
         if self.model.warp is None:
             return self.t_s
-        params = column[: len(self.model.parameters), 0]
         return np.ascontiguousarray(self.model.warp(self.t_s, params), dtype=np.float64)
 
-    def _warped(self, column: Array) -> Array:
-        """States (n, s, 1) at the times that the samples really show; NaN where time would run backwards."""
-        times = self._times(column)
+    def _warped(self, times: Array, columns: Array, inputs: Array) -> Array:
+        """States (n, s, c) at the times that the samples really show; NaN where time would run backwards."""
         if not np.all(np.diff(times) > 0):
-            return np.full((self.t_s.size, len(self.model.states), 1), np.nan)
-        return self._integrated(times, column, self.acting(column[: len(self.model.parameters), 0]))
+            return np.full((self.t_s.size, len(self.model.states), columns.shape[1]), np.nan)
+        return self._integrated(times, columns, inputs)
 
     def acting(self, params: Array) -> Array:
         """The inputs (n, m) that really act at the samples; ``params`` (p,), each in its own unit."""
@@ -233,7 +241,7 @@ class InitialValueProblem:
         """
         if self.t_s.size < 2 or self.model.events:
             return self._planned_through_events(values, tolerance)
-        times = self._times(values[:, None])
+        times = self._times(values[: len(self.model.parameters)])
         if not np.all(np.diff(times) > 0):
             return self
         size = np.zeros(len(self.model.states))

@@ -138,12 +138,18 @@ class Contributions:
         return float(1.0 - after / before) if np.isfinite(after) and 0 < before < np.inf else float("nan")
 
     def share_of(self, model: ModelWithEffects, effect: Effect) -> float:
-        """The fraction that an effect has in what all effects of a model remove of the residual."""
+        """The fraction that an effect has in what the effects of a model remove of the residual.
+
+        What others remove that imitate anything and are named for themselves does not count: it says nothing of this
+        one, however large it is.
+        """
         return max(self._share_in(each, effect) for each in self.contexts(model, effect))
 
     def _share_in(self, model: ModelWithEffects, effect: Effect) -> float:
         rest = self._cache.without(model, effect)
-        explained = max(self._cache.base.squares - model.squares, 1e-300)
+        certain = [other for other in model.effects if other.name in self._certain and other is not effect]
+        known = self._cache.with_effects(certain, starts_of(model, certain)) if certain else self._cache.base
+        explained = max((known if known.usable else self._cache.base).squares - model.squares, 1e-300)
         return (rest.squares - model.squares) / explained if rest.usable else 1.0
 
     def contexts(self, model: ModelWithEffects, effect: Effect) -> list[ModelWithEffects]:

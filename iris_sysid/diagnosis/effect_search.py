@@ -7,7 +7,7 @@ one effect in the place of several; then what can imitate a piece of anything.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
@@ -224,6 +224,26 @@ class EffectSearch:
                 break
             self.reached = current = found
         return current
+
+    def beside(self, found: ModelWithEffects, certain: Collection[str]) -> ModelWithEffects:
+        """The model with formulas beside what imitates anything and is named for itself, where that predicts better.
+
+        A large one that is found late hid the others. Beside one that only fits, a formula would make up for its form.
+
+        Parameters
+        ----------
+        found
+            Where the search ended.
+        certain
+            Names of its effects that imitate anything and are named.
+        """
+        kept = [each for each in found.effects if not each.absorbs or each.name in certain]
+        start = self._cache.with_effects(kept, starts_of(found, kept))
+        grown = self._with_formulas(start) if start.usable else found
+        if grown is start or self._shares.estimate(grown).score >= self._shares.estimate(found).score:
+            return found
+        self.reached = grown
+        return grown
 
     def _absorbing(self, context: ModelWithEffects) -> list[ModelWithEffects]:
         """Refits of the best few effects that imitate anything."""

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from fitters.ode import FitRequest
 from iris_sysid.diagnosis.prediction_error import Indices, block_errors, without_samples
 from iris_sysid.diagnosis.refit import DETERMINED, ModelWithEffects, fit_from, free_values
-from iris_sysid.types import Array, Estimate, FitResult, student_ppf
+from iris_sysid.types import Array, Effect, Estimate, FitResult, student_ppf
 
 BLOCKS = 8  # of a clip that are left out in turn
 BLOCKS_OF_SEVERAL = 4  # the same where there are several clips, or a driven motion, whose fits take long
@@ -150,14 +150,13 @@ def held_out_errors(
     values: list[dict[str, list[float]]] = [{} for _ in clips]
     for left_out in zip(*blocks, strict=True):
         fits = tuple(
-            _fitted_without(clip, fitted, later)
+            _fitted_without(clip, fitted, later, model.effects)
             for clip, fitted, later in zip(clips, model.fits, left_out, strict=True)
         )
-        for kept, fitted in zip(values, fits, strict=True):
-            for name in fitted.free:
-                kept.setdefault(name, []).append(
-                    fitted.estimates[name].value if fitted.status in DETERMINED else float("nan")
-                )
+        for kept, whole, fitted in zip(values, model.fits, fits, strict=True):
+            for name in whole.free:
+                known = fitted.status in DETERMINED and name in fitted.free
+                kept.setdefault(name, []).append(fitted.estimates[name].value if known else float("nan"))
         judged = [_in_fit(fitted, later) for fitted, later in zip(model.fits, left_out, strict=True)]
         for weighed, plain in block_errors(clips, replace(model, fits=fits), judged):
             squares.append(weighed)
@@ -181,11 +180,25 @@ def _in_blocks(clip: FitRequest, blocks: Sequence[Indices]) -> FitRequest:
     return without_samples(clip, between)
 
 
-def _fitted_without(clip: FitRequest, fitted: FitResult, later: Indices) -> FitResult:
-    """The fit without some samples, from the minimum of nearly the same ones; roughly, where that is enough."""
+def _fitted_without(clip: FitRequest, fitted: FitResult, later: Indices, effects: Sequence[Effect]) -> FitResult:
+    """The fit without some samples, from the minimum of nearly the same ones; roughly, where that is enough.
+
+    An effect of which the rest says nothing, e.g. a frame lost in the last block, is absent there.
+    """
     known, start = without_samples(clip, later), free_values(fitted)
-    found = fit_from(known.with_(options=replace(clip.options, rough=True)), fitted.model, start)
+    rough = known.with_(options=replace(clip.options, rough=True))
+    found = fit_from(rough, fitted.model, start)
+    unknown = [each for each in effects if _is_undetermined(found, each.parameters[0].name)]
+    if unknown:
+        shapes = {each.name: fitted.estimates[each.name].value for effect in unknown for each in effect.parameters}
+        absent = {**shapes, **{effect.parameters[0].name: 0.0 for effect in unknown}}
+        left = {name: value for name, value in start.items() if name not in absent}
+        found = fit_from(rough.with_(fixed={**clip.fixed, **absent}), fitted.model, left)
     return found if found.usable else fit_from(known, fitted.model, start)
+
+
+def _is_undetermined(fitted: FitResult, name: str) -> bool:
+    return fitted.usable and name in fitted.free and not np.isfinite(fitted.estimates[name].stderr)
 
 
 def every_block(fits: Sequence[FitResult]) -> list[list[NDArray[np.intp]]]:

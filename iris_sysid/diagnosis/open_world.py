@@ -76,7 +76,9 @@ class OpenWorld:
 
     def searched(self) -> ModelWithEffects:
         """The model with the effects that improve the prediction of blocks left out."""
-        return self._search.run() if self.shares.testable else self._cache.base
+        found = self._search.run() if self.shares.testable else self._cache.base
+        certain = () if found.at_noise else self._named_absorbing(found)
+        return self._search.beside(found, certain) if certain else found
 
     def judged(self, current: ModelWithEffects) -> Judgement:
         """What each effect of a model is that was searched for."""

@@ -17,7 +17,7 @@ from iris_sysid.diagnosis.held_out_blocks import (
     held_out_errors,
     wins,
 )
-from iris_sysid.diagnosis.refit import ModelWithEffects, fit_from
+from iris_sysid.diagnosis.refit import ModelWithEffects, fit_from, refitted
 from iris_sysid.registry import EFFECTS, MODELS
 from iris_sysid.types import Array, Trajectory
 from validation.independent.motions import MOTIONS, integrate
@@ -159,3 +159,22 @@ def test_clip_with_too_few_samples_for_its_values_has_no_blocks():
     valid = np.zeros(T_S.size, dtype=bool)
     valid[:90:10] = True
     assert blocks_of(fit(short.with_(valid=valid), PENDULUM), 1) == []
+
+
+def test_effect_of_which_the_rest_says_nothing_is_absent_in_its_block():
+    lost, step = T_S[-20], 0.1
+    late = np.where(lost < T_S, T_S + step, T_S)
+    seen, unaware = (integrate(SWING, VALUES, times, None)[:, :1] for times in (late, T_S))
+    clip = table(seen)
+    request, drop = FitRequest(clip, PENDULUM), EFFECTS["dropped-frame"]
+    base = ModelWithEffects((fit_from(request, PENDULUM, {}),), (np.full((T_S.size, 1), NOISE),))
+    shape = [parameter.default for parameter in drop.parameters[1:]]
+    shape[[each.name for each in drop.parameters[1:]].index("drop_time")] = float(lost)
+    found = refitted([request], base, PENDULUM, [drop], [{drop.name: (step, tuple(shape))}])
+    assert found.fits[0].estimates["dropped_frame"].value == pytest.approx(step, rel=0.05)
+    blocks = every_block(found.fits)
+    errors = held_out_errors([request], found, blocks)
+    assert np.isnan(errors.values[0]["dropped_frame"][-1])
+    missed = np.mean((seen - unaware)[blocks[0][-1]] ** 2) / NOISE**2
+    assert errors.squares[-1] == pytest.approx(missed, rel=0.05)
+    assert errors.squares[:-1].max() < 3.0  # the others are predicted to the noise

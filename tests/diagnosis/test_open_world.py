@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from iris_sysid.diagnosis.component_support import ComponentSupport
+from iris_sysid.diagnosis.contributions import Contributions
 from iris_sysid.diagnosis.diagnose import diagnose
 from iris_sysid.diagnosis.effect_search import EffectSearch
 from iris_sysid.diagnosis.held_out_blocks import BlockErrors
@@ -210,3 +211,43 @@ def test_effect_beside_a_larger_one_that_can_imitate_anything_is_needed_without_
     ]
     model = SimpleNamespace(effects=[EFFECTS["impact"], EFFECTS["even-reading"]])
     assert [each.word for each in world.surviving(model, findings)] == ["located", word]
+
+
+@pytest.mark.parametrize(("error", "taken"), [(0.5, True), (2.0, False)])
+def test_formulas_are_tried_beside_what_imitates_anything_and_is_named(monkeypatch, error, taken):
+    found = _predicting(1.0, "dropped-frame", "zero-drift")
+    grown = _predicting(error, "dropped-frame", "quadratic-drag")
+    started = []
+
+    def with_effects(effects, starts):
+        started.append([effect.name for effect in effects])
+        return SimpleNamespace(usable=True)
+
+    shares = SimpleNamespace(estimate=lambda model: model.errors)
+    cache = SimpleNamespace(base=None, with_effects=with_effects)
+    search = EffectSearch(cache, shares, ComponentSupport(None, False))
+    monkeypatch.setattr("iris_sysid.diagnosis.effect_search.starts_of", lambda *_: ())
+    monkeypatch.setattr(search, "_with_formulas", lambda current: grown)
+    assert search.beside(found, {"dropped-frame"}) is (grown if taken else found)
+    assert started == [["dropped-frame"]]  # what only fits is left out
+
+
+@pytest.mark.parametrize(("certain", "share"), [([], 2 / 92), (["dropped-frame"], 1.0)])
+def test_share_of_an_effect_is_in_what_certain_ones_that_imitate_anything_leave(certain, share):
+    left = {"": 100.0, "dropped-frame": 10.0, "dropped-frame quadratic-drag": 8.0}
+
+    def model(effects):
+        squares = left[" ".join(sorted(effect.name for effect in effects))]
+        estimates = {parameter.name: SimpleNamespace(value=1.0) for each in effects for parameter in each.parameters}
+        fits = (SimpleNamespace(estimates=estimates),)
+        return SimpleNamespace(effects=tuple(effects), squares=squares, usable=True, fits=fits)
+
+    shares = Contributions.__new__(Contributions)
+    shares._cache = SimpleNamespace(
+        base=model([]),
+        without=lambda whole, effect: model([each for each in whole.effects if each is not effect]),
+        with_effects=lambda effects, starts: model(effects),
+    )
+    shares.trust(certain)
+    both = model([EFFECTS["dropped-frame"], EFFECTS["quadratic-drag"]])
+    assert shares._share_in(both, EFFECTS["quadratic-drag"]) == pytest.approx(share)
