@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, JsonValue
+from pydantic import Field, JsonValue, field_validator
 
 from iris_sysid.io.schemas._parts import Document, DoubtEntry, EstimateEntry, Number, Part, QuantityEntry, SegmentEntry
 from iris_sysid.types import (
@@ -31,6 +31,9 @@ Pixels = Annotated[float, Field(ge=-1e9, le=1e9)]
 PixelLength = Annotated[float, Field(gt=0, le=1e9)]
 PixelPair = tuple[Pixels, Pixels]
 PixelCount = Annotated[int, Field(ge=1, le=100_000)]
+
+
+TOLD = ("read_as", "clipped")  # lists of sentences in an origin, that commands tell
 
 
 class Smoothing(Part):
@@ -191,6 +194,15 @@ class OriginDocument(Document):
     """What measured a trajectory."""
     view: ViewEntry | None = None
     """How the quantities of a trajectory lie in the image of a camera; null where that is not known."""
+
+    @field_validator("origin")
+    @classmethod
+    def _sentences(cls, origin: dict[str, JsonValue]) -> dict[str, JsonValue]:
+        for name in TOLD:
+            told = origin.get(name, [])
+            if not isinstance(told, list) or not all(isinstance(each, str) for each in told):
+                raise ValueError(f"{name} is {told!r:.60}: give a list of sentences, or leave it out")
+        return origin
 
 
 class CalibrationDocument(Document):
