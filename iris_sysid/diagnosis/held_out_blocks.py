@@ -183,7 +183,7 @@ def _in_blocks(clip: FitRequest, blocks: Sequence[Indices]) -> FitRequest:
 def _fitted_without(clip: FitRequest, fitted: FitResult, later: Indices, effects: Sequence[Effect]) -> FitResult:
     """The fit without some samples, from the minimum of nearly the same ones; roughly, where that is enough.
 
-    An effect of which the rest says nothing, e.g. a frame lost in the last block, is absent there.
+    Where the rest says nothing of an effect, e.g. of a frame lost in the last block, it is absent.
     """
     known, start = without_samples(clip, later), free_values(fitted)
     rough = known.with_(options=replace(clip.options, rough=True))
