@@ -77,7 +77,7 @@ class OpenWorld:
     def searched(self) -> ModelWithEffects:
         """The model with the effects that improve the prediction of blocks left out."""
         found = self._search.run() if self.shares.testable else self._cache.base
-        certain = () if found.at_noise else self._named_absorbing(found)
+        certain = () if found.explains else self._named_absorbing(found)
         return self._search.beside(found, certain) if certain else found
 
     def judged(self, current: ModelWithEffects) -> Judgement:
