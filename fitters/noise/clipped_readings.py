@@ -53,7 +53,9 @@ def clippings(trajectory: Trajectory) -> tuple[Clipping, ...]:
 
 
 def without_clipped(trajectory: Trajectory) -> Trajectory:
-    """The trajectory with its clipped samples as gaps, which are not fitted; ``origin["clipped"]`` says how many.
+    """The trajectory with its clipped samples as gaps, which are not fitted.
+
+    ``origin["clipped_readings"]`` says how many, a sentence a quantity.
 
     Parameters
     ----------
@@ -73,7 +75,7 @@ def without_clipped(trajectory: Trajectory) -> Trajectory:
     found, valid = clippings(trajectory), np.array(trajectory.valid)
     for each in found:
         valid &= ~each.samples
-    said = {**trajectory.origin, "clipped": [str(each) for each in found]}
+    said = {**trajectory.origin, "clipped_readings": [str(each) for each in found]}
     return trajectory.with_(valid=valid, origin=said) if found and valid.sum() > 1 else trajectory
 
 

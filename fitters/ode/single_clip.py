@@ -392,7 +392,7 @@ def _notes(task: PreparedFit, target: Target) -> list[str]:
     candidates = task.selection.used[task.selection.span]
     left_out_s = task.problem.t_s[candidates & ~target.used]
     inputs = gaps_of_inputs(task.trajectory, task.model, task.selection.span)
-    notes = [task.selection.note, task.problem.rhs.note, inputs, *task.trajectory.origin.get("clipped", ())]
+    notes = [task.selection.note, task.problem.rhs.note, inputs, *task.trajectory.origin.get("clipped_readings", ())]
     if left_out_s.size:
         times = ", ".join(f"{t:.4g}" for t in left_out_s[:5]) + (", ..." if left_out_s.size > 5 else "")
         share = f"{left_out_s.size} of {int(candidates.sum())} samples"

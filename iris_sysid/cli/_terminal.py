@@ -84,7 +84,7 @@ def read_tables(
     for table in tables:
         read = read_trajectory(table, stated)
         clips.append(read if keep_clipped else without_clipped(read))
-        for text in (*read.origin.get("read_as", ()), *clips[-1].origin.get("clipped", ())):
+        for text in (*read.origin.get("read_as", ()), *clips[-1].origin.get("clipped_readings", ())):
             tell(f"{table}: {text}")
         if model is not None:
             clips[-1], text = model.taken_from(clips[-1])

@@ -281,7 +281,7 @@ def test_trajectory_edited_by_hand_keeps_its_geometry_and_says_so(tmp_path):
         ('"label": "hand"', '"label": "foot"', r"segments\.0\.label: .*'foot'"),
         ('"psd": [', '"psd": [1.0,', "is of another table: smoothing of 1 quantities is wanted; delete it"),
         ('"origin": {', '"origin": {"read_as": 5, ', "read_as is 5: give a list of sentences"),
-        ('"origin": {', '"origin": {"clipped": [3], ', "clipped is .3.: give a list of sentences"),
+        ('"origin": {', '"origin": {"clipped_readings": [3], ', "clipped_readings is .3.: give a list of sentences"),
         ("{", "", "Invalid JSON"),
     ],
 )

@@ -33,7 +33,7 @@ PixelPair = tuple[Pixels, Pixels]
 PixelCount = Annotated[int, Field(ge=1, le=100_000)]
 
 
-TOLD = ("read_as", "clipped")  # lists of sentences in an origin, that commands tell
+TOLD = ("read_as", "clipped_readings")  # lists of sentences in an origin, that commands tell
 
 
 class Smoothing(Part):
