@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitters.noise.reading_step import STEP_TO_SD, reading_step
-from iris_sysid.types import Array, Mask, Trajectory
+from iris_sysid.types import Array, Mask, Trajectory, runs
 
 MIN_RUN = 3  # equal readings in a row: noise repeats the largest value of a record once or twice by chance
 MIN_BESIDE = 6  # samples beside a run that a parabola is fitted to: twice its values
@@ -89,17 +89,12 @@ def _of(trajectory: Trajectory, column: int) -> Iterator[Clipping]:
     for sign in (1.0, -1.0):
         limit = float(sign * np.max(sign * values))
         at, limits = values == limit, (sign * limit + step, error)
-        if limit != 0 and any(_goes_on(t_s, sign * values, at, run, limits) for run in _runs(at)):
+        long = [run for run in runs(at) if run[1] - run[0] >= MIN_RUN]
+        if limit != 0 and any(_goes_on(t_s, sign * values, at, run, limits) for run in long):
             samples = np.zeros(trajectory.n, dtype=np.bool_)
             samples[known[at]] = True
             quantity = trajectory.quantities[column]
             yield Clipping(quantity.name, quantity.unit, limit, samples)
-
-
-def _runs(at: Mask) -> list[tuple[int, int]]:
-    """First and one after the last sample of each long run."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], at.astype(np.int8), [0]])))
-    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= MIN_RUN]
 
 
 def _goes_on(t_s: Array, values: Array, at: Mask, run: tuple[int, int], limits: tuple[float, float]) -> bool:
