@@ -153,14 +153,15 @@ class Contributions:
         return (rest.squares - model.squares) / explained if rest.usable else 1.0
 
     def contexts(self, model: ModelWithEffects, effect: Effect) -> list[ModelWithEffects]:
-        """The models in which an effect counts: as it is, and of a formula without what can imitate it.
+        """The models in which an effect counts: as it is, and of one curve without what can imitate it.
 
-        What is named for itself stays: without it a formula would be credited with imitating it.
+        What is named for itself stays: without it a curve would be credited with imitating it.
         """
-        formulas = [other for other in model.effects if not other.absorbs or other.name in self._certain]
-        if effect.absorbs or len(formulas) == len(model.effects):
+        certain = self._certain
+        kept = [other for other in model.effects if other is effect or not other.absorbs or other.name in certain]
+        if effect.is_flexible or len(kept) == len(model.effects):
             return [model]
-        alone = self._cache.with_effects(formulas, starts_of(model, formulas))
+        alone = self._cache.with_effects(kept, starts_of(model, kept))
         return [model, alone] if alone.usable else [model]
 
     def is_small(self, model: ModelWithEffects, effect: Effect) -> bool:

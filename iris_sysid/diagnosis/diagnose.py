@@ -30,7 +30,7 @@ from iris_sysid.diagnosis.noise_notes import noise_notes
 from iris_sysid.diagnosis.notes import diagnostic_notes, input_gap_notes, negative_damping_note, weak_notes
 from iris_sysid.diagnosis.open_world import Judgement, OpenWorld, with_components
 from iris_sysid.diagnosis.prediction_error import fitted_error
-from iris_sysid.diagnosis.refit import COMPLETE, ModelWithEffects, pooled, with_free_geometry
+from iris_sysid.diagnosis.refit import AT_NOISE, COMPLETE, ModelWithEffects, pooled, with_free_geometry
 from iris_sysid.diagnosis.residual_components import clip_residual, components_of
 from iris_sysid.diagnosis.score_test import combined
 from iris_sysid.diagnosis.search_report import SearchReport, holds_zero
@@ -294,14 +294,15 @@ def _of_complete(
     None where that is so only with effects whose intervals hold zero, or with effects that can imitate anything and
     have no other evidence: then blocks left out decide.
     """
-    report, weak = _settled(cache, world, path[-1])
+    settled = _settled(cache, world, path[-1])
+    if settled is None or world.rests_on_imitation(settled[0].final):
+        return None
+    report, weak = settled
     final = report.final
     sure = _residual_ratio(final, cache.base) <= COMPLETE
-    if (weak and not _is_complete(cache.clips, final, cache.base)) or world.rests_on_imitation(final):
-        return None
     shares = {}
     for effect in final.effects:
-        decided = sure and _residual_ratio(world.without_absorbing(final, effect), cache.base) <= COMPLETE
+        decided = sure and _residual_ratio(world.without_absorbing(final, effect), cache.base) <= AT_NOISE
         odds = world.rivals.with_alone(report.probabilities(effect), final, effect, sure=decided)
         # most effects were fitted alone only in the search
         shares[effect.name] = searched.rivals.with_alone(odds, final, effect, sure=decided)
@@ -501,11 +502,12 @@ def _causes(shares: Mapping[str, float], effects: Mapping[str, Effect]) -> dict[
 
 def _settled(
     cache: FitCache, world: OpenWorld, final: ModelWithEffects
-) -> tuple[SearchReport, list[tuple[str, Estimate]]]:
+) -> tuple[SearchReport, list[tuple[str, Estimate]]] | None:
     """The report on the effects whose interval excludes zero, and the sizes of those that were left out.
 
     One whose size is not known, or that may imitate what it explains, gives way to a rival that explains it as well.
     One without which the others are of impossible sizes stays as long as another one can go: they make up for it.
+    None where the data are not explained without one whose interval holds zero.
     """
     weak: list[tuple[str, Estimate]] = []
     while True:
@@ -514,7 +516,7 @@ def _settled(
         doubtful = [*unsized, *(each for each in world.imitating(final) if each not in unsized)]
         rivals = (rival for effect in doubtful for rival in cache.equally_good(final, effect))
         rival = next(
-            (each for each in rivals if _is_sized(SearchReport(cache, each)) and not world.imitating(each)), None
+            (each for each in rivals if not world.imitating(each) and _is_sized(SearchReport(cache, each))), None
         )
         if rival is not None:
             final = rival
@@ -525,6 +527,8 @@ def _settled(
             return report, weak
         weak.append((left_out.name, report.size(left_out.parameters[0].name)))
         final = cache.without(final, left_out)
+        if not _is_complete(cache.clips, final, cache.base):
+            return None
 
 
 def _unsized(report: SearchReport) -> list[Effect]:

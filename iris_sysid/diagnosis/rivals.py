@@ -84,7 +84,7 @@ class Rivals:
         return {**shares, effect.name: each, **dict.fromkeys(exact, each)}
 
     def _least_wins(self, name: str) -> float:
-        return EVEN if self._cache.library.by_name[name].absorbs else WINS
+        return EVEN if self._cache.library.by_name[name].is_flexible else WINS
 
     def _worth(self, rest: ModelWithEffects, effect: Effect) -> list[str]:
         """The rivals of an effect that are refitted: the best of its component, and the best of all."""
@@ -121,7 +121,7 @@ class Rivals:
         good = [
             each
             for each in alone
-            if self._shares.allows(each) and each.squares < (absorbing if each.effects[0].absorbs else formulas)
+            if self._shares.allows(each) and each.squares < (absorbing if each.effects[0].is_flexible else formulas)
         ]
         names = [each.effects[0].name for each in good if each.effects[0].name != effect.name]
         return list(dict.fromkeys([*names, *self._exchangeable(model, effect)]))
@@ -140,6 +140,6 @@ class Rivals:
             other.name
             for other in model.effects
             if other is not effect
-            and 1.0 - self._shares.alone(model, other) <= (left if other.absorbs else ALIKE * left)
+            and 1.0 - self._shares.alone(model, other) <= (left if other.is_flexible else ALIKE * left)
             and self._shares.is_small(model, other)
         ]

@@ -328,6 +328,12 @@ class Effect(Portable):
         located = any(parameter.constant and parameter.role == "location" for parameter in self.parameters)
         return located and self.nearby is not None
 
+    @property
+    def is_flexible(self) -> bool:
+        """Whether it can imitate a piece of anything by its shape: what has only a size is one curve, as a formula is."""
+        fitted = [parameter for parameter in self.parameters if not parameter.constant]
+        return self.absorbs and (len(fitted) > 1 or self.is_placed)
+
     def factor(self, body: Mapping[str, float]) -> float | None:
         """The factor on the size with another body, from those on its mass, radius or cord; None where not known."""
         changed = {name: factor for name, factor in body.items() if factor != 1.0}

@@ -251,3 +251,24 @@ def test_share_of_an_effect_is_in_what_certain_ones_that_imitate_anything_leave(
     shares.trust(certain)
     both = model([EFFECTS["dropped-frame"], EFFECTS["quadratic-drag"]])
     assert shares._share_in(both, EFFECTS["quadratic-drag"]) == pytest.approx(share)
+
+
+def test_what_imitates_anything_by_its_size_alone_is_one_curve():
+    flexible = {name for name, effect in EFFECTS.items() if effect.is_flexible}
+    assert {"impact", "periodic-forcing", "zero-wander", "dropped-frame"} <= flexible
+    assert not {"parameter-drift", "zero-drift", "quadratic-drag", "velocity-weakening-friction"} & flexible
+
+
+@pytest.mark.parametrize(("name", "counted"), [("parameter-drift", 2), ("cubic-stiffness", 2), ("impact", 1)])
+def test_one_curve_counts_without_what_can_imitate_it_as_well(monkeypatch, name, counted):
+    shares = Contributions.__new__(Contributions)
+    shares._certain = frozenset()
+    shares._cache = SimpleNamespace(
+        with_effects=lambda effects, starts: SimpleNamespace(usable=True, effects=tuple(effects))
+    )
+    monkeypatch.setattr("iris_sysid.diagnosis.contributions.starts_of", lambda *_: ())
+    effect = EFFECTS[name]
+    model = SimpleNamespace(effects=(effect, EFFECTS["periodic-forcing"]))
+    contexts = shares.contexts(model, effect)
+    assert len(contexts) == counted
+    assert contexts[-1].effects == ((effect,) if counted == 2 else model.effects)
