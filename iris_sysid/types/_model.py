@@ -330,7 +330,7 @@ class Effect(Portable):
 
     @property
     def is_flexible(self) -> bool:
-        """Whether it can imitate a piece of anything by its shape: what has only a size is one curve, as a formula is."""
+        """Whether its shape can imitate a piece of anything; what has only a size is one curve, as a formula is."""
         fitted = [parameter for parameter in self.parameters if not parameter.constant]
         return self.absorbs and (len(fitted) > 1 or self.is_placed)
 
