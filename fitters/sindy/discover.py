@@ -1,7 +1,7 @@
 """Discover the governing equation: sparse regression proposes it, trajectory fits select and refine it.
 
-1. The weak form of every candidate equation, with the noise of its rows known, gives rows to pysindy's stepwise sparse
-   regression; the prediction of held-out rows decides the number of terms.
+1. The weak form of every candidate equation gives rows to pysindy's stepwise sparse regression; the prediction of
+   held-out rows decides the number of terms.
 2. The proposed equation is fitted to the trajectories by the ODE engine. About that fit, all candidates compete again
    on the sensitivities of the trajectory; the price of a term is chosen by prediction of held-out parts of the clips.
    The new choice is fitted again, until the choice does not change.
@@ -43,14 +43,7 @@ from fitters.sindy.model_structure import terms_of
 from fitters.sindy.refinement import Refined, added_alone, as_good, disposed, refined
 from fitters.sindy.resampling import inclusion, stable
 from fitters.sindy.residual import beyond
-from fitters.sindy.sparse_regression import (
-    Compressed,
-    Kept,
-    predicted_best,
-    proposed,
-    significant,
-    term_price,
-)
+from fitters.sindy.sparse_regression import Kept, predicted_best, proposed
 from fitters.sindy.weak_form import Piece, Rows, pieces_of, rows_of
 from iris_sysid.errors import DataError, FitError
 from iris_sysid.types import (
@@ -218,15 +211,13 @@ def _origin(clips: Sequence[Trajectory]) -> dict[str, Any]:
 
 
 def _starts(pieces: list[Piece], library: Library) -> list[tuple[Kept, dict[str, float]]]:
-    """Proposed choices with coefficients: pysindy's, the significant terms, all smooth terms, then single terms."""
+    """Proposed choices with coefficients: pysindy's, all smooth terms, then single terms."""
     rows = rows_of(pieces, library)
     choices = [proposed(row) for row in rows]
     best = [path[predicted_best(row, path)] for row, path in zip(rows, choices, strict=True)]
-    normals = [Compressed.of(row.right, row.left) for row in rows]
-    sure = [np.array(significant(problem, term_price(problem)), dtype=np.intp) for problem in normals]
     smooth = [_smooth(library, equation) for equation in range(len(rows))]
     single = [path[min(1, len(path) - 1)] for path in choices]
-    return [_start(library, rows, choice) for choice in (best, sure, smooth, single)]
+    return [_start(library, rows, choice) for choice in (best, smooth, single)]
 
 
 def _smooth(library: Library, equation: int) -> NDArray[np.intp]:

@@ -238,13 +238,11 @@ def disposed(
     library
         All candidates.
     starts
-        Proposed choices with starting values, in the order of trust; the next one is tried when none can be fitted.
+        Proposed choices with starting values, in the order of trust; the next one is tried when none fits to the noise.
     """
     visited: dict[Kept, Refined] = {}
-    for index, (kept, start) in enumerate(starts):
-        if index > 1 and any(
-            choice.usable and all(fit.status == "ok" for fit in choice.fits) for choice in visited.values()
-        ):
+    for kept, start in starts:
+        if any(choice.usable and all(fit.status == "ok" for fit in choice.fits) for choice in visited.values()):
             break
         for _ in range(ROUNDS):
             if kept in visited:
