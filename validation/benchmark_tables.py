@@ -16,10 +16,8 @@ TABLES = {
     "selection": "benchmark-selection",
     "coupling": "benchmark-coupling",
     "sharing": "benchmark-sharing",
-    "losses": "benchmark-losses",
     "identifiability": "benchmark-identifiability",
     "extrapolation": "benchmark-extrapolation",
-    "robustness": "benchmark-robustness",
 }
 
 

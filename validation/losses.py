@@ -9,11 +9,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from fitters.ode import fit, simulate
-from iris_sysid.benchmark.studies.losses import BENDS, HORIZONS, INTEGRATORS, stiffness_of
 from iris_sysid.registry import MODELS
 from iris_sysid.synthetic.plan import plan_clip
 from iris_sysid.types import Array, Trajectory
 from validation import pages
+from validation.latent_losses import BENDS, HORIZONS, INTEGRATORS, stiffness_of
 from validation.recovery import NOISE_PX, SIZE, best_latent, through_phenomenon
 
 GRAVITY = 9.80665

@@ -35,7 +35,6 @@ def build(
     inputs: Inputs,
     output: str | Path,
     *,
-    reference: str | None = None,
     options: Mapping[str, Any] | None = None,
     overwrite: bool = False,
 ) -> dict[str, Path]:
@@ -47,8 +46,6 @@ def build(
         The rows of a data set, files of latent runs and of predictions, and earlier rows.
     output
         Folder of ``rows.csv``, the pages and the manifest; the files of an earlier benchmark in it are replaced.
-    reference
-        Method that the long table subtracts from every error.
     options
         Other settings that the rows depend on; kept in the manifest.
     overwrite
@@ -71,8 +68,8 @@ def build(
     rows, gaps = rows_of(inputs)
     if not len(rows):
         raise DataError("there is nothing to make a table from: give a data set, --latent, --predictions or --rows")
-    manifest = manifest_of(inputs, rows, {"reference": reference, **(options or {})})
-    return write_pages(rows, folder, reference=reference, gaps=gaps, manifest=manifest, overwrite=replace)
+    manifest = manifest_of(inputs, rows, options or {})
+    return write_pages(rows, folder, gaps=gaps, manifest=manifest, overwrite=replace)
 
 
 def can_write(folder: Path, *, overwrite: bool) -> bool:

@@ -14,8 +14,6 @@ from iris_sysid.benchmark.dataset import places
 from iris_sysid.benchmark.groundtruth.measure import Conditions, Measurements, measure
 from iris_sysid.benchmark.parallel import Workers, run_parallel
 from iris_sysid.benchmark.sources.rows import (
-    OK,
-    ROBUSTNESS,
     SELECTION,
     SHARING,
     flat_rows,
@@ -24,7 +22,6 @@ from iris_sysid.benchmark.sources.rows import (
     rows_text,
 )
 from iris_sysid.benchmark.studies.model_selection import selection_rows
-from iris_sysid.benchmark.studies.robustness import robustness_rows
 from iris_sysid.benchmark.studies.sharing import sharing_rows
 from iris_sysid.benchmark.studies.studies import STUDY_OF, ode_rows, studied
 from iris_sysid.benchmark.studies.subjects import Subject, subjects_of
@@ -36,8 +33,8 @@ from iris_sysid.types import Progress, with_progress
 PER_CLIP = (
     *STUDY_OF,
     SELECTION,
-)  # studies of a single clip; robustness takes a few clips, sharing a setting
-ALL_STUDIES = (*PER_CLIP, ROBUSTNESS, SHARING)
+)  # studies of a single clip; sharing takes a setting
+ALL_STUDIES = (*PER_CLIP, SHARING)
 Say = Callable[[str], None]
 
 
@@ -46,8 +43,7 @@ class RowPlan:
     """How to measure and study a data set.
 
     ``name`` of the data set in the tables; ``studies`` of ``ALL_STUDIES`` in addition to the bank's own fit;
-    ``studied``: at most this many clips of each setting, None for all; ``robustness``: number of clips that are
-    degraded and measured again.
+    ``studied``: at most this many clips of each setting, None for all.
     """
 
     name: str
@@ -55,9 +51,7 @@ class RowPlan:
     conditions: Conditions = field(default_factory=Conditions)
     studies: tuple[str, ...] = ALL_STUDIES
     studied: int | None = None
-    robustness: int = 0
     workers: Workers = 0
-    seed: int = 0
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -76,8 +70,6 @@ class Unit:
     subject: Subject
     study: str
     place: str
-    measured: MeasuredDocument
-    seed: int
 
 
 def dataset_rows(
@@ -143,40 +135,20 @@ def _units(subjects: Sequence[Subject], plan: RowPlan) -> Iterator[Unit]:
         subject for subject, turn in zip(subjects, turns, strict=True) if plan.studied is None or turn < plan.studied
     ]
     for study in (name for name in PER_CLIP if name in plan.studies):
-        yield from (_unit(subject, study, plan) for subject in few)
-    if ROBUSTNESS in plan.studies and plan.robustness:
-        yield from (_unit(subject, ROBUSTNESS, plan) for subject in _spread(subjects, turns, plan.robustness))
+        yield from (_unit(subject, study) for subject in few)
 
 
-def _spread(subjects: Sequence[Subject], turns: Sequence[int], count: int) -> list[Subject]:
-    """Choose ``count`` clips, spread over classes and settings: each class's first setting, then its next.
-
-    Only clips with a good fit are chosen: a clip that fits badly before the change does not measure robustness.
-    """
-    settings: dict[str, list[str]] = {}
-    for subject in subjects:
-        known = settings.setdefault(subject.clip.class_name, [])
-        if subject.clip.setting not in known:
-            known.append(subject.clip.setting)
-    order = sorted(
-        (k for k, subject in enumerate(subjects) if subject.measured.document.status == OK),
-        key=lambda k: (turns[k], settings[subjects[k].clip.class_name].index(subjects[k].clip.setting)),
-    )
-    return [subjects[k] for k in sorted(order[:count])]
-
-
-def _unit(subject: Subject, study: str, plan: RowPlan) -> Unit:
-    """The unit; a hash of the measurement (with versions and file hashes), truth and seed is part of its file name."""
+def _unit(subject: Subject, study: str) -> Unit:
+    """The unit; a hash of the measurement (with versions and file hashes) and truth is part of its file name."""
     dependencies = {
         "measured": subject.measured.document.model_dump(mode="json"),
         "truth": {name: [true.value, true.source] for name, true in subject.truth.items()},
         "wanted": dict(subject.wanted),
         "dataset": subject.dataset,
-        "seed": plan.seed,
     }
     key = hashlib.sha256(json_text(dependencies).encode()).hexdigest()[:12]
     place = f"{subject.clip.place}.{study.replace('+', '-')}.{key}.csv"
-    return Unit(subject, study, place, plan.measured, plan.seed)
+    return Unit(subject, study, place)
 
 
 # --------------------------------------------------------------------------- running
@@ -220,11 +192,6 @@ def _lost(folder: Path, unit: Unit) -> bool:
 def work_on(folder: Path, unit: Unit) -> bool:
     """Run one study of one clip and write its rows, an empty file for no rows. True when the file is written."""
     subject = unit.subject
-    if unit.study == ROBUSTNESS:
-        records = robustness_rows(subject, unit.measured, seed=unit.seed)
-    elif unit.study == SELECTION:
-        records = selection_rows(subject)
-    else:
-        records = studied(subject, unit.study)
+    records = selection_rows(subject) if unit.study == SELECTION else studied(subject, unit.study)
     write_atomic(folder / unit.place, rows_text(flat_rows(records)) if records else "", overwrite=True)
     return True

@@ -22,7 +22,6 @@ Predictions = Annotated[
     list[str] | None, typer.Option("--predictions", help="Classes predicted by a VLM or classifier: NAME=CSV.")
 ]
 Rows = Annotated[Path | None, typer.Option("--rows", help="Add the rows of an earlier rows.csv.")]
-Reference = Annotated[str | None, typer.Option(help="Method that the long table subtracts from every error.")]
 Name = Annotated[str | None, typer.Option(help="Name of the data set in the tables; default: its folder's name.")]
 Measured = Annotated[Path | None, typer.Option(help="Direct measurements; see iris-sysid gt --template.")]
 Work = Annotated[Path | None, typer.Option(help="Folder of the measurements, as in gt --work; default OUTPUT/work.")]
@@ -31,8 +30,6 @@ Studies = Annotated[
 ]
 Studied = Annotated[int | None, typer.Option(help="Study only this many clips of each setting.", min=1)]
 Trials = Annotated[int | None, typer.Option(help="Measure only this many clips of each setting.", min=1)]
-Robustness = Annotated[int, typer.Option(help="Number of clips to degrade and measure again.", min=0)]
-Seed = Annotated[int, typer.Option(help="Seed of the added noise and the dropped frames.", min=0)]
 NO_STUDY = "none"
 
 
@@ -50,11 +47,8 @@ def benchmark(
     study: Studies = None,
     studied: Studied = None,
     trials: Trials = None,
-    robustness: Robustness = 0,
-    reference: Reference = None,
     fps: Fps = None,
     transfer: TransferCurve = None,
-    seed: Seed = 0,
     force: Force = False,
 ) -> None:
     """Compare methods on a data set: one table of rows, all benchmark tables from it.
@@ -63,7 +57,7 @@ def benchmark(
 
     \b
     Example:
-      iris-sysid benchmark DATASET/ --latent baseline=iris_baseline.csv --robustness 8 -o out/
+      iris-sysid benchmark DATASET/ --latent baseline=iris_baseline.csv -o out/
     """
     if dataset is not None:
         _terminal.check_dataset(dataset)
@@ -83,13 +77,11 @@ def benchmark(
         conditions=Conditions(fps=fps, trials=trials, transfer=_parsing.transfer(transfer)),
         studies=tuple(choice for choice in study if choice != NO_STUDY) if study else ALL_STUDIES,
         studied=studied,
-        robustness=robustness,
         workers=_terminal.workers_of(processes),
-        seed=seed,
     )
     measurements = _rows_of(dataset, work or output / "work", plan) if dataset else None
     inputs = Inputs(latent_files, prediction_files, rows, measurements)
-    written = build(inputs, output, reference=reference, options=_options(plan), overwrite=force)
+    written = build(inputs, output, options=_options(plan), overwrite=force)
     for path in written.values():
         typer.echo(str(path), err=True)
 
@@ -114,8 +106,6 @@ def _options(plan: RowPlan) -> dict[str, object]:
         "studies": plan.studies,
         "studied": plan.studied,
         "trials": plan.conditions.trials,
-        "seed": plan.seed,
-        "robustness": plan.robustness,
         "fps": plan.conditions.fps,
         "transfer": plan.conditions.transfer.text if plan.conditions.transfer else None,
         "measured": plan.measured.model_dump(mode="json"),

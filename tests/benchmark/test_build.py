@@ -11,7 +11,6 @@ from iris_sysid.benchmark.sources.predictions import prediction_rows
 from iris_sysid.benchmark.sources.rows import STUDIES, flat_rows, read_rows, rows_text
 from iris_sysid.benchmark.tables import pages
 from iris_sysid.benchmark.tables.all_tables import tables_of
-from iris_sysid.benchmark.tables.charts import charts_of
 from iris_sysid.benchmark.tables.pages import write_pages
 from iris_sysid.benchmark.tables.study_tables import LAYOUTS, smallest
 from iris_sysid.errors import DataError, OutputError
@@ -47,12 +46,10 @@ def every_study():
     rows += [
         row(study="extrapolation", parameter=f"E_{k}", unit="rad", value=k / 1e3, truth=None) for k in (10, 25, 50)
     ]
-    rows += [row(study="robustness", condition=name, value=v) for name, v in (("none", 0.5), ("noise 10", 0.55))]
     rows += [row(study="sharing", method=name, value=v) for name, v in (("per clip", 0.52), ("shared", 0.501))]
     rows += [
         row(study="coupling", method=m, parameter="held out", value=v, truth=None) for m, v in (("0", 2), ("free", 1))
     ]
-    rows += [row(study="losses", method="one-step, Euler-Cromer", value=0.6)]
     return flat_rows(rows)
 
 
@@ -86,11 +83,6 @@ def test_headline_has_null_baselines_for_damping_too():
 def test_headline_shows_the_mean_where_no_truth_is_known():
     rows = flat_rows([row(truth=None, clip=clip, value=value) for clip, value in (("01", 2.0), ("02", 4.0))])
     assert cells(tables_of(rows)["headline"], "ode") == [("mean 3.00 ± 1.4 (2)",)]
-
-
-def test_robustness_has_one_column_a_condition():
-    table = tables_of(every_study())["robustness"]
-    assert cells(table, "none", "noise 10") == [("0 (1)", "10.0 (1)")]
 
 
 def test_smaller_held_out_error_is_bold():
@@ -142,7 +134,6 @@ def test_pages_are_complete_and_the_same_again(tmp_path):
         assert first[name].read_bytes() == second[name].read_bytes(), name
     page = first["benchmark.html"].read_text("utf-8")
     assert "a &lt;gap&gt;" in page
-    assert page.count("data:image/png;base64,") == len(charts_of(every_study())) == 4
     assert r"\begin{longtable}" in first["benchmark.tex"].read_text("utf-8")
 
 

@@ -8,24 +8,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from iris_sysid import open_video
 from iris_sysid.benchmark import dataset_rows as module
 from iris_sysid.benchmark.dataset import list_clips
 from iris_sysid.benchmark.dataset_rows import RowPlan, dataset_rows
 from iris_sysid.benchmark.groundtruth.measure import ClipMeasurement, measure
 from iris_sysid.benchmark.sources.rows import flat_rows
-from iris_sysid.benchmark.studies.degraded_clips import CHANGES, Change, as_in, changed
-from iris_sysid.benchmark.studies.losses import BENDS, INTEGRATORS, stiffness_of
-from iris_sysid.benchmark.studies.robustness import robustness_rows
 from iris_sysid.benchmark.studies.studies import AHEAD, studied
 from iris_sysid.benchmark.studies.subjects import subjects_of
 from iris_sysid.errors import DataError
-from iris_sysid.io.schemas.groundtruth import ClipDocument, MeasuredDocument
+from iris_sysid.io.schemas.groundtruth import ClipDocument
 from iris_sysid.synthetic import read_truth, render_clip
-from iris_sysid.types import Estimate, Track
-from tests.conftest import write_video
+from iris_sysid.types import Estimate
 
-STUDIES = ("identifiability", "extrapolation", "losses", "selection", "sharing")
+STUDIES = ("identifiability", "extrapolation", "selection", "sharing")
 
 
 @pytest.fixture(scope="module")
@@ -88,8 +83,6 @@ def test_every_clip_has_its_hash(built):
 def test_every_study_has_rows_and_no_value_where_there_is_none(built):
     rows = built[1].rows
     assert set(rows["study"]) == {"parameters", *STUDIES}
-    length = values(rows, study="losses", clip="01", method="one-step, Euler-Cromer, sine")
-    assert abs(length["error"].iloc[0]) < 0.05
     assert set(values(rows, study="selection", clip="01")["answer"]) == {"pendulum"}
     assert values(rows, study="extrapolation", clip="01", parameter="E_10")["value"].iloc[0] < 1e-3
     condition = values(rows, study="identifiability", parameter="condition", clip="01")["value"].iloc[0]
@@ -115,7 +108,7 @@ def test_a_second_run_does_only_what_is_missing_and_gives_the_same_rows(folder, 
     again = dataset_rows(folder, work, RowPlan("tiny", studies=STUDIES))
     assert done == []
     assert again.rows.equals(first.rows)
-    piece = next((work / "Pendulum/pendulum_45").glob("02.losses.*.csv"))
+    piece = next((work / "Pendulum/pendulum_45").glob("02.extrapolation.*.csv"))
     piece.write_text("half a li")
     assert dataset_rows(folder, work, RowPlan("tiny", studies=STUDIES)).rows.equals(first.rows)
     assert done == [piece.name]
@@ -218,79 +211,6 @@ def test_a_parameters_file_that_is_damaged_is_named(tmp_path):
     (tmp_path / "parameters.json").write_text("[1")
     with pytest.raises(DataError, match=r"cannot read parameters.json"):
         subjects_of([clip], tmp_path, "x")
-
-
-# --------------------------------------------------------------------------- losses
-
-
-@pytest.mark.parametrize("integrator", ["Euler-Cromer"])
-def test_a_loss_minimised_on_its_own_integrators_path_returns_its_stiffness(integrator):
-    theta, v, dt = [0.4], 0.0, 1 / 60
-    for _ in range(200):
-        z, v = INTEGRATORS[integrator](np.array(theta[-1]), np.array(v), dt, lambda z, v: -20.0 * z - 0.05 * v)
-        theta.append(float(z))
-    assert stiffness_of(np.array(theta), dt, INTEGRATORS[integrator], 1, BENDS["linear"]) == pytest.approx(20, rel=1e-6)
-
-
-def test_the_step_without_acceleration_has_no_gradient_at_one_step_ahead():
-    theta = np.cos(4.4 * np.arange(100) / 60)
-    assert np.isnan(stiffness_of(theta, 1 / 60, INTEGRATORS["no acceleration in z"], 1, BENDS["linear"]))
-
-
-# --------------------------------------------------------------------------- robustness
-
-
-@pytest.fixture(scope="module")
-def plain_clip(tmp_path_factory):
-    """Thirty grey frames of 96 x 64 px."""
-    pictures = [np.full((64, 96), 60 + 2 * k, np.uint8) for k in range(30)]
-    return write_video(tmp_path_factory.mktemp("plain") / "plain.mp4", pictures)
-
-
-def grey(video):
-    return np.array([frame.luma.mean() for frame in video.frames()])
-
-
-@pytest.mark.parametrize("name", CHANGES)
-def test_every_change_gives_a_clip_with_the_times_of_its_frames(name, pendulum_clip):
-    known = {round(frame.t_s, 4) for frame in open_video(pendulum_clip).frames()}
-    with changed(pendulum_clip, CHANGES[name], seed=1) as video:
-        times = [round(frame.t_s, 4) for frame in video.frames()]
-    assert set(times) <= known
-    assert len(times) >= len(known) // CHANGES[name].every // 2
-
-
-def test_noise_is_of_the_size_that_was_requested(plain_clip):
-    with changed(plain_clip, Change(noise_grey=10.0)) as video:
-        deviations = [frame.bgr().std(axis=(0, 1)).mean() for frame in video.frames()]
-    assert np.mean(deviations) == pytest.approx(10.0, rel=0.35)  # colour is coded at half the resolution
-
-
-def test_dropped_frames_leave_the_times_of_the_others(plain_clip):
-    with changed(plain_clip, Change(dropped=0.3), seed=2) as video:
-        frames = list(video.frames())
-    assert 12 <= len(frames) < 30
-    assert grey_matches_time(frames)
-
-
-def grey_matches_time(frames):
-    return all(abs(frame.luma.mean() - (60 + 2 * round(frame.t_s * 30))) < 2 for frame in frames)
-
-
-def test_a_shrunken_track_is_taken_back_to_the_pixels_of_the_clip(plain_clip):
-    with changed(plain_clip, Change(size=(48, 32))) as video:
-        track = Track(np.array([0.0]), np.array([[23.5, 15.5]]), np.ones((1, 2)), np.array([True]), np.array([0]))
-        (back,) = as_in(video, [track], (96, 64))
-    assert back.xy_px.tolist() == [[47.5, 31.5]]  # the centre of the image is its centre in either size
-    assert back.sigma_px.tolist() == [[2.0, 2.0]]
-
-
-def test_robustness_measures_again_and_says_what_failed(subject):
-    rows = flat_rows(robustness_rows(subject, MeasuredDocument(), ("as it is", "sides / 2", "every 6th frame")))
-    length = values(rows, parameter="length").set_index("condition")
-    own = subject.measured.document.estimates()["length"].value
-    assert length.loc["as it is", "value"] == pytest.approx(own, rel=1e-9)
-    assert abs(length.loc["sides / 2", "error"]) < 0.05
 
 
 # --------------------------------------------------------------------------- the command

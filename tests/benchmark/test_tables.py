@@ -9,7 +9,7 @@ import pytest
 from iris_sysid.benchmark.sources.rows import flat_rows
 from iris_sysid.benchmark.tables.summary import displayed, parameter_summary
 from iris_sysid.benchmark.tables.table import Cell, Table, parameter_table, render
-from iris_sysid.errors import DataError, UnknownNameError
+from iris_sysid.errors import UnknownNameError
 
 FORMS = ("csv", "markdown", "latex", "html")
 
@@ -80,22 +80,6 @@ def test_null_baseline_that_displays_the_same_error_is_still_not_best():
     assert line(table, "same")["beats_initial"] == "no"
 
 
-def test_difference_is_against_one_reference_in_every_row():
-    table = parameter_summary(rows(a=[0.6], b=[0.7]), reference="a")
-    assert line(table, "b")["difference"] == pytest.approx(0.1)
-    assert line(table, "a")["difference"] == 0
-
-
-def test_reference_may_be_named_without_its_reading():
-    table = parameter_summary(rows(**{"a (g/alpha)": [0.6], "a (alpha as length)": [0.8]}), reference="a")
-    assert line(table, "a (alpha as length)")["difference"] == pytest.approx(0.2)
-
-
-def test_unknown_reference_is_refused_with_the_names():
-    with pytest.raises(DataError, match="no row is of the reference 'z'; the methods are a, b"):
-        parameter_summary(rows(a=[0.6], b=[0.7]), reference="z")
-
-
 def test_no_rows_make_an_empty_table():
     for form in FORMS:
         assert render(parameter_table(flat_rows([])), form)
@@ -103,7 +87,7 @@ def test_no_rows_make_an_empty_table():
 
 @pytest.mark.parametrize("form", FORMS)
 def test_same_rows_give_the_same_bytes(form):
-    made = [render(parameter_table(rows(a=[0.6, None], b=[0.7, 0.71]), reference="a"), form) for _ in range(2)]
+    made = [render(parameter_table(rows(a=[0.6, None], b=[0.7, 0.71])), form) for _ in range(2)]
     assert made[0] == made[1]
     assert made[0].endswith("\n")
 

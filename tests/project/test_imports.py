@@ -56,7 +56,6 @@ PIXEL_FILES = (
     "iris_sysid/report/overlay.py",
     "iris_sysid/report/candidates_sheet.py",
     "iris_sysid/report/frame_sheet.py",
-    "iris_sysid/benchmark/studies/degraded_clips.py",
 )
 OURS = ("iris_sysid", "trackers", "fitters")
 # Two methods of the types hand over, when they are called, to functions above them by the public name.

@@ -1,7 +1,7 @@
 """The flat row: one value of one parameter, from one method on one clip. Every table is made from these rows alone.
 
 ``study`` assigns a row to a table: ``parameters``, or another of ``STUDIES``. ``dataset`` names the clips, so that
-only errors on the same clips are compared; ``condition`` is the change that was made to a clip before the measurement;
+only errors on the same clips are compared; ``condition`` is a change that was made to a clip before the measurement;
 ``answer`` is the predicted class or equation.
 """
 
@@ -23,11 +23,9 @@ PARAMETERS = "parameters"
 SELECTION = "selection"
 IDENTIFIABILITY = "identifiability"
 EXTRAPOLATION = "extrapolation"
-ROBUSTNESS = "robustness"
 SHARING = "sharing"
 COUPLING = "coupling"
-LOSSES = "losses"
-STUDIES = (PARAMETERS, SELECTION, IDENTIFIABILITY, EXTRAPOLATION, ROBUSTNESS, SHARING, COUPLING, LOSSES)
+STUDIES = (PARAMETERS, SELECTION, IDENTIFIABILITY, EXTRAPOLATION, SHARING, COUPLING)
 
 COLUMNS = (
     "study",

@@ -8,14 +8,11 @@ import numpy as np
 
 from fitters.ode.identifiability import identifiability
 from fitters.sindy import discover
-from iris_sysid.benchmark.sources.conversions import GRAVITY
-from iris_sysid.benchmark.sources.rows import COUPLING, EXTRAPOLATION, FAILED, IDENTIFIABILITY, LOSSES, OK
+from iris_sysid.benchmark.sources.rows import COUPLING, EXTRAPOLATION, FAILED, IDENTIFIABILITY
 from iris_sysid.benchmark.studies.coupling import coupling_rows
-from iris_sysid.benchmark.studies.losses import stiffnesses
 from iris_sysid.benchmark.studies.subjects import Records, Subject, simulated
 from iris_sysid.diagnosis.diagnose import diagnose
 from iris_sysid.errors import IrisError
-from iris_sysid.types import Estimate
 
 Study = Callable[[Subject], Records]
 
@@ -91,26 +88,6 @@ def extrapolation_rows(subject: Subject) -> Records:
     ]
 
 
-def loss_rows(subject: Subject) -> Records:
-    """A pendulum's length by the publication's losses and integrators, minimised exactly on the tracked angle."""
-    if subject.clip.phenomenon != PENDULUM:
-        return []
-    trajectory = subject.trajectory()
-    used = np.flatnonzero(trajectory.valid & trajectory.mask("motion"))
-    first_run = used[: int(np.argmax(np.diff(used) > 1)) + 1] if (np.diff(used) > 1).any() else used
-    dt = float(np.median(np.diff(trajectory.t_s[first_run])))
-    results = stiffnesses(trajectory.position[first_run, 0], dt)
-    lengths = {name: GRAVITY / stiffness if stiffness > 0 else np.nan for name, stiffness in results}
-    document = subject.measured.document
-    lengths["whole trajectory, order 8, sine"] = document.estimates()["length"].value
-    return [
-        record | {"study": LOSSES, "method": name}
-        for name, length in lengths.items()
-        for record in subject.records({"length": Estimate(length, np.nan, "m", "fitted")}, OK)
-        if record["parameter"] == "length"
-    ]
-
-
 # by name of the study: the function that makes its rows, and the study, method and parameter of the row of a failure
 STUDY_OF: Mapping[str, tuple[Study, str, str, str]] = {
     EFFECTS: (effect_rows, "", EFFECTS, ""),
@@ -118,7 +95,6 @@ STUDY_OF: Mapping[str, tuple[Study, str, str, str]] = {
     IDENTIFIABILITY: (identifiability_rows, IDENTIFIABILITY, ODE, "condition"),
     EXTRAPOLATION: (extrapolation_rows, EXTRAPOLATION, ODE, f"E_{AHEAD[0]}"),
     COUPLING: (coupling_rows, COUPLING, "impacts", "held-out rms"),
-    LOSSES: (loss_rows, LOSSES, "whole trajectory, order 8, sine", "length"),
 }
 
 

@@ -1,1 +1,1 @@
-"""Tables, charts and pages of the benchmark, made from its rows alone."""
+"""Tables and pages of the benchmark, made from its rows alone."""

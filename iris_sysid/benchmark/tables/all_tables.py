@@ -11,15 +11,13 @@ from iris_sysid.benchmark.tables.study_tables import LAYOUTS, study_table
 from iris_sysid.benchmark.tables.table import Table, frame_table, parameter_table
 
 
-def tables_of(rows: pd.DataFrame, *, reference: str | None = None) -> dict[str, Table]:
+def tables_of(rows: pd.DataFrame) -> dict[str, Table]:
     """Make every table that has rows, by name, in the order of the page.
 
     Parameters
     ----------
     rows
         Flat rows, e.g. from :func:`read_rows`.
-    reference
-        Method that the long parameter table subtracts from every error; None for no such column.
 
     Returns
     -------
@@ -30,13 +28,13 @@ def tables_of(rows: pd.DataFrame, *, reference: str | None = None) -> dict[str, 
     Raises
     ------
     DataError
-        When the rows are not flat rows, or no row is of the reference.
+        When the rows are not flat rows.
     """
     present = set(check_rows(rows)["study"])
     tables: dict[str, Table] = {}
     if PARAMETERS in present:
         tables["headline"] = headline_table(rows)
-        tables["parameters"] = parameter_table(rows, reference=reference, caption="Parameter errors, every reading")
+        tables["parameters"] = parameter_table(rows, caption="Parameter errors, every reading")
     if SELECTION in present:
         tables["selection"] = accuracy_table(rows)
         tables |= dict(confusion_tables(rows))

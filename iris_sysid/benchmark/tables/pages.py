@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,16 +11,12 @@ import pandas as pd
 
 from iris_sysid.benchmark.sources.rows import OK, rows_text
 from iris_sysid.benchmark.tables.all_tables import tables_of
-from iris_sysid.benchmark.tables.charts import charts_of
 from iris_sysid.benchmark.tables.table import Table, markdown_text, render
 from iris_sysid.io.files import check_writable, json_text, write_atomic
-from iris_sysid.report.page import png_of
 
 TITLE = "Benchmark"
 PAGES = ("rows.csv", "benchmark.md", "benchmark.tex", "benchmark.html", "manifest.json")
 FOLDED = ("parameters", "confusion", "failures")  # long tables, collapsed on the page
-CHART_OF = {"headline": "errors", "selection": "confusion", "extrapolation": "extrapolation"}
-CHART_OF |= {"robustness": "robustness"}
 
 
 def check_pages(folder: str | Path, *, overwrite: bool = False) -> None:
@@ -34,7 +29,6 @@ def write_pages(
     rows: pd.DataFrame,
     folder: str | Path,
     *,
-    reference: str | None = None,
     gaps: Sequence[str] = (),
     manifest: Mapping[str, Any] | None = None,
     overwrite: bool = False,
@@ -48,8 +42,6 @@ def write_pages(
     folder
         Gets ``rows.csv``, ``benchmark.md``, ``benchmark.tex``, ``benchmark.html``, ``manifest.json`` and
         ``tables/<name>.csv``.
-    reference
-        Method that the long table subtracts from every error.
     gaps
         Missing parts, one line each.
     manifest
@@ -67,11 +59,11 @@ def write_pages(
     OutputError
         When a file exists or cannot be written.
     DataError
-        When the rows are not flat rows, or no row is of the reference.
+        When the rows are not flat rows.
     """
     folder = Path(folder)
     check_pages(folder, overwrite=overwrite)
-    tables = tables_of(rows, reference=reference)
+    tables = tables_of(rows)
     texts = {
         "manifest.json": json_text(manifest or {}),  # first: it tells a run after a kill that the folder is its own
         "rows.csv": rows_text(rows),
@@ -113,20 +105,12 @@ def _latex(tables: Mapping[str, Table]) -> str:
 
 
 def _html(rows: pd.DataFrame, tables: Mapping[str, Table], gaps: Sequence[str], manifest: Mapping[str, Any]) -> str:
-    charts = charts_of(rows)
-    figures = {
-        table: {"data": base64.b64encode(png_of(charts[chart][0])).decode("ascii"), "caption": charts[chart][1]}
-        for table, chart in CHART_OF.items()
-        if chart in charts and table in tables
-    }
     page = jinja2.Environment(loader=jinja2.PackageLoader("iris_sysid.benchmark.tables", "templates"), autoescape=True)
     shown = [(name, render(table, "html"), name.startswith(FOLDED)) for name, table in tables.items()]
     return page.get_template("benchmark.html").render(
         title=TITLE,
         summary=summary_of(rows),
-        notes=(),
         tables=shown,
-        figures=figures,
         gaps=list(gaps),
         manifest=json_text(manifest),
     )

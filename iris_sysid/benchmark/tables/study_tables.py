@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from iris_sysid.benchmark.sources.rows import COUPLING, EXTRAPOLATION, IDENTIFIABILITY, LOSSES, ROBUSTNESS, SHARING
+from iris_sysid.benchmark.sources.rows import COUPLING, EXTRAPOLATION, IDENTIFIABILITY, SHARING
 from iris_sysid.benchmark.tables.summary import ABSENT, displayed
 from iris_sysid.benchmark.tables.table import Cell, Table
 
@@ -58,11 +58,6 @@ def sd_error(rows: pd.DataFrame) -> float:
     return float(errors.std(ddof=1)) if errors.notna().sum() > 1 else np.nan
 
 
-def relative_error(rows: pd.DataFrame) -> float:
-    """Median of the absolute errors over their truths, in %."""
-    return _or_nan(100 * (rows["error"] / rows["truth"].replace(0.0, np.nan)).abs(), np.median)
-
-
 def _or_nan(values: pd.Series, of: Callable[[np.ndarray], float]) -> float:
     known = values.dropna().to_numpy()
     return float(of(known)) if known.size else np.nan
@@ -92,13 +87,6 @@ LAYOUTS: Mapping[str, TableLayout] = {
         sd_value,
         notes=("Mean ± standard deviation of the absolute error of the observable over the clips.", _N),
     ),
-    ROBUSTNESS: TableLayout(
-        "Robustness: median relative error (%) after a change to the clip",
-        ("dataset", "phenomenon", "parameter", "method"),
-        "condition",
-        relative_error,
-        notes=("Each clip was changed from its pixels on, and measured and fitted again.", _N),
-    ),
     SHARING: TableLayout(
         "Several clips fitted at once against clip by clip: MAE",
         (*_PLACE, "parameter", "unit"),
@@ -115,17 +103,6 @@ LAYOUTS: Mapping[str, TableLayout] = {
         median_value,
         best=True,
         notes=("Held out is the last 30 % of each clip, predicted from the rest.", _N),
-    ),
-    LOSSES: TableLayout(
-        "One-step against K-step losses and integrators: median relative error (%)",
-        ("dataset", "phenomenon", "parameter", "method"),
-        "setting",
-        relative_error,
-        notes=(
-            "The latent pipeline's losses minimised exactly on the tracked observable: what of its error is the loss "
-            "and not the encoder.",
-            _N,
-        ),
     ),
 }
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,6 @@ import pandas as pd
 
 from iris_sysid.benchmark.sources.null_baselines import INITIAL, SOURCE, null_rows
 from iris_sysid.benchmark.sources.rows import GROUP, PARAMETERS, check_rows, method_name
-from iris_sysid.errors import DataError
 
 ABSENT = "–"
 
@@ -32,7 +31,7 @@ def displayed(value: float, digits: int = 3) -> str:
     return f"{value:.{max(decimals, 0)}f}"
 
 
-def parameter_summary(rows: pd.DataFrame, *, reference: str | None = None) -> pd.DataFrame:
+def parameter_summary(rows: pd.DataFrame) -> pd.DataFrame:
     """Summarise flat rows: one line per data set, phenomenon, setting, parameter and method, with null baselines.
 
     Only rows of the study ``parameters`` count.
@@ -41,10 +40,6 @@ def parameter_summary(rows: pd.DataFrame, *, reference: str | None = None) -> pd
     ----------
     rows
         Flat rows.
-    reference
-        The method that is subtracted in every difference: its full name, or its name without the reading in
-        brackets (``baseline`` for ``baseline (g/alpha)``), which means the first reading of a group. None for no
-        difference.
 
     Returns
     -------
@@ -52,40 +47,34 @@ def parameter_summary(rows: pd.DataFrame, *, reference: str | None = None) -> pd
         ``dataset, phenomenon, setting, parameter, unit, truth`` (the mean, where it differs from clip to clip),
         ``method``; ``n`` values and ``failed`` rows without one;
         ``mean`` and ``sd`` (n - 1) of the values; ``mae`` and ``mae_sd``, mean and sd of the absolute errors;
-        ``relative_percent``, the mean of the absolute errors over their truths; ``difference``, mae minus the
-        reference's; ``best``, whether the *displayed* mae is the smallest of the group's methods (null baselines, and
-        methods that were scored on fewer clips, do not compete); ``beats_initial``, ``yes`` or ``no``, against the
-        best displayed null baseline of initial values, empty where there is none. Failed rows count in no mean. NaN
-        where a number is undefined.
+        ``relative_percent``, the mean of the absolute errors over their truths; ``best``, whether the *displayed* mae
+        is the smallest of the group's methods (null baselines, and methods that were scored on fewer clips, do not
+        compete); ``beats_initial``, ``yes`` or ``no``, against the best displayed null baseline of initial values,
+        empty where there is none. Failed rows count in no mean. NaN where a number is undefined.
 
     Raises
     ------
     DataError
-        When the rows are not flat rows, or no row is of the reference.
+        When the rows are not flat rows.
     """
     check_rows(rows)
-    if reference is not None and not _named(rows["method"], reference):
-        names = ", ".join(sorted(set(rows["method"])))
-        raise DataError(f"no row is of the reference {reference!r}; the methods are {names}")
     known = rows[(rows["source"] != SOURCE) & (rows["study"] == PARAMETERS)]
     every = pd.concat([known, null_rows(known)], ignore_index=True) if len(known) else known
     lines: list[dict[str, Any]] = []
     for _, group in every.groupby(list(GROUP), sort=False):
-        lines += _group_lines(group, reference)
+        lines += _group_lines(group)
     return pd.DataFrame(lines, columns=SUMMARY_COLUMNS)
 
 
 SUMMARY_COLUMNS = (
     *("dataset", "phenomenon", "setting", "parameter", "unit", "truth", "method", "n", "failed", "mean", "sd"),
-    *("mae", "mae_sd", "relative_percent", "difference", "best", "beats_initial"),
+    *("mae", "mae_sd", "relative_percent", "best", "beats_initial"),
 )
 
 
-def _group_lines(group: pd.DataFrame, reference: str | None) -> list[dict[str, Any]]:
+def _group_lines(group: pd.DataFrame) -> list[dict[str, Any]]:
     lines = [_line(part) for _, part in group.groupby("method", sort=False)]
-    errors = {line["method"]: line["mae"] for line in lines}
-    shown = {name: _shown(error) for name, error in errors.items()}
-    against = _named(errors, reference) if reference else ""
+    shown = {line["method"]: _shown(line["mae"]) for line in lines}
     nulls = set(group.loc[group["source"] == SOURCE, "method"])
     rivals = [line for line in lines if line["method"] not in nulls]
     on_all = {line["method"] for line, competes in zip(rivals, competing(rivals), strict=True) if competes}
@@ -93,7 +82,6 @@ def _group_lines(group: pd.DataFrame, reference: str | None) -> list[dict[str, A
     initial = min((shown[name] for name in shown if method_name(name) == INITIAL), default=math.inf)
     for line in lines:
         name = line["method"]
-        line["difference"] = line["mae"] - errors.get(against, math.nan)
         line["best"] = name in on_all and math.isfinite(best) and shown[name] == best
         judged = name not in nulls and math.isfinite(initial) and math.isfinite(shown[name])
         line["beats_initial"] = ("yes" if shown[name] < initial else "no") if judged else ""
@@ -104,11 +92,6 @@ def competing(lines: Sequence[Mapping[str, Any] | pd.Series | None]) -> list[boo
     """Which of a group's lines may be the best: those with a value and with the largest number of scored clips."""
     scored = [line["n"] + line["failed"] if line is not None and line["n"] else 0 for line in lines]
     return [0 < count == max(scored) for count in scored]
-
-
-def _named(methods: Iterable[str], name: str) -> str:
-    """The first of the methods that has this name, with or without a reading in brackets; empty if none has."""
-    return next((method for method in methods if name in (method, method_name(method))), "")
 
 
 def _shown(error: float) -> float:

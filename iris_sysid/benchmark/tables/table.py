@@ -77,48 +77,41 @@ PARAMETER_HEADER = {
     "mae": "MAE",
     "mae_sd": "sd of error",
     "relative_percent": "MAE (%)",
-    "difference": "difference",
     "beats_initial": "beats initial value",
 }
 
 
-def parameter_table(rows: pd.DataFrame, *, reference: str | None = None, caption: str = "Parameter errors") -> Table:
+def parameter_table(rows: pd.DataFrame, *, caption: str = "Parameter errors") -> Table:
     """Table of the errors of every method on every parameter, with null baselines.
 
     Bold is the smallest displayed MAE of a group (one data set, phenomenon, setting and parameter); equal displayed
-    numbers are all bold, null baselines never. Every difference is relative to the same reference. The data set is
-    shown where there are several.
+    numbers are all bold, null baselines never. The data set is shown where there are several.
 
     Parameters
     ----------
     rows
         Flat rows.
-    reference
-        Method that every difference subtracts; None for no such column.
     caption
         Above the table.
     """
-    summary = parameter_summary(rows, reference=reference)
-    hidden = {"difference": not reference, "dataset": summary["dataset"].nunique() < 2}
-    names = [name for name in PARAMETER_HEADER if not hidden.get(name)]
+    summary = parameter_summary(rows)
+    names = [name for name in PARAMETER_HEADER if name != "dataset" or summary["dataset"].nunique() > 1]
     lines = tuple(
         tuple(Cell(_text(line[name]), bool(name == "mae" and line["best"])) for name in names)
         for line in summary.to_dict("records")
     )
     numeric = frozenset(PARAMETER_HEADER[name] for name in names if name in NUMERIC)
-    return Table(caption, tuple(PARAMETER_HEADER[name] for name in names), lines, numeric, _parameter_notes(reference))
+    return Table(caption, tuple(PARAMETER_HEADER[name] for name in names), lines, numeric, PARAMETER_NOTES)
 
 
-NUMERIC = ("truth", "n", "failed", "mean", "sd", "mae", "mae_sd", "relative_percent", "difference")
+NUMERIC = ("truth", "n", "failed", "mean", "sd", "mae", "mae_sd", "relative_percent")
 
 
-def _parameter_notes(reference: str | None) -> tuple[str, ...]:
-    notes = (
-        "MAE is the mean absolute error over the n values; failed runs are counted and in no mean.",
-        "Bold: the smallest displayed MAE; null baselines, and methods scored on fewer clips, do not compete.",
-        "Beats initial value: the displayed MAE is below that of the best start value left untrained.",
-    )
-    return notes if reference is None else (*notes, f"Difference: MAE minus that of {reference}, in every row.")
+PARAMETER_NOTES = (
+    "MAE is the mean absolute error over the n values; failed runs are counted and in no mean.",
+    "Bold: the smallest displayed MAE; null baselines, and methods scored on fewer clips, do not compete.",
+    "Beats initial value: the displayed MAE is below that of the best start value left untrained.",
+)
 
 
 def render(table: Table, form: str) -> str:

@@ -6,7 +6,7 @@ publication's and the observable is measured, so the remaining error is that of 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -150,14 +150,3 @@ def stiffness_of(theta: Array, dt: float, step: Step, horizons: int, bend: Calla
     """
     solution = least_squares(misses, START, args=(theta, dt, step, horizons, bend), x_scale="jac")
     return np.nan if np.allclose(solution.x[0], START[0], rtol=1e-6) else float(solution.x[0])
-
-
-def stiffnesses(theta: Array, dt: float) -> Iterator[tuple[str, float]]:
-    """Name and g/L of every combination of loss, integrator and equation, on tracked angles (n,) at steps of ``dt``.
-
-    Angles are in rad, ``dt`` in s, g/L in 1/s^2.
-    """
-    for loss, horizons in HORIZONS.items():
-        for integrator, step in INTEGRATORS.items():
-            for equation, bend in BENDS.items():
-                yield f"{loss}, {integrator}, {equation}", stiffness_of(theta, dt, step, horizons, bend)
