@@ -24,9 +24,6 @@ from iris_sysid._version import __version__ as __version__
 from iris_sysid.calibration.board.calibrate import calibrate_board as calibrate_board
 from iris_sysid.calibration.calibration_json import read_calibration as read_calibration
 from iris_sysid.calibration.calibration_json import write_calibration as write_calibration
-from iris_sysid.calibration.known_size import plane_from_ball as plane_from_ball
-from iris_sysid.calibration.known_size import plane_from_distance as plane_from_distance
-from iris_sysid.calibration.known_size import plane_from_size as plane_from_size
 from iris_sysid.calibration.pixel_scale import from_osp as from_osp
 from iris_sysid.calibration.pixel_scale import scale as scale
 from iris_sysid.calibration.pixel_scale import scale_bar as scale_bar

@@ -24,7 +24,7 @@ class BoardArguments:
         Text, typer.Option(help="Distance of the board behind the plane of motion: 5cm+-2mm; negative in front.")
     ] = None
     distance: Annotated[
-        Text, typer.Option(help="Distance from the camera to the board or, without a board, to the plane of motion.")
+        Text, typer.Option(help="Distance from the camera to the board, with --one-image and --offset: 2m+-1cm.")
     ] = None
     up: Annotated[str, typer.Option(help="Upward direction: image, or board (its edge closest to that).")] = "image"
     one_image: Annotated[
@@ -51,18 +51,3 @@ class CameraArguments:
     window: Annotated[int | None, typer.Option(help="Half side of classical corner windows, px.")] = None
     views: Annotated[int, typer.Option(help="Number of frames to select from a clip.", min=3)] = 20
     examine: Annotated[int, typer.Option(help="Number of frames of a clip to examine.", min=3)] = 200
-
-
-@dataclass(frozen=True)
-class SizeArguments:
-    """Known sizes and distances, without a board."""
-
-    known: Annotated[
-        Text, typer.Option("--object", help="Without a board: an object of known length, 200+-1px=50.0+-0.1cm.")
-    ] = None
-    ball: Annotated[Text, typer.Option(help="Without a board: radius of the ball in --track, 33.5+-0.5mm.")] = None
-    track: Annotated[Path | None, typer.Option(help="track.csv of that ball.")] = None
-    edge: Annotated[float, typer.Option(help="Standard error of the ball's edge, shared by all frames, px.")] = 0.1
-    fov: Annotated[Text, typer.Option(help="Without a board: field of view, 60deg+-1deg; needs --distance.")] = None
-    across: Annotated[str, typer.Option(help="Side of the field of view: width, height or diagonal.")] = "width"
-    tilt_error: Annotated[str, typer.Option(help="Standard error of the camera's direction, e.g. 1deg.")] = "0deg"

@@ -38,10 +38,10 @@ def save(plane: CalibratedPlane, output: Path, *, plot: bool = False, overwrite:
 
 def _figures(plane: CalibratedPlane) -> dict[str, Figure]:
     figures: dict[str, Figure] = {}
-    camera = None if plane.board is None else plane.board.camera
+    camera = plane.board.camera
     if camera is not None and camera.views:
         figures["camera"] = camera_figure(camera)
-    if plane.board is not None and plane.board.fitted is not None:
+    if plane.board.fitted is not None:
         figures["board"] = view_figure(plane.board.fitted, plane.board.image)
     figures["grid"] = grid_figure(plane.calibration, plane.image)
     return figures

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from iris_sysid.cli import _terminal
-from iris_sysid.cli._calibrate_arguments import BoardArguments, CameraArguments, SizeArguments, Text
+from iris_sysid.cli._calibrate_arguments import BoardArguments, CameraArguments, Text
 from iris_sysid.cli._groups import with_groups
 from iris_sysid.cli.arguments import Force, Json, Output
 
@@ -17,14 +17,13 @@ def calibrate(
     output: Output,
     board: BoardArguments,
     camera: CameraArguments,
-    size: SizeArguments,
     plumb: Annotated[Text, typer.Option(help="Two points of a plumb line, upper first: x1,y1,x2,y2 in px.")] = None,
     plot: Annotated[bool, typer.Option("--plot", help="Draw the calibration as PNG files beside the result.")] = False,
     over: Annotated[Path | None, typer.Option(help="Clip to be measured: check its size, and draw over it.")] = None,
     force: Force = False,
     json: Json = False,
 ) -> None:
-    """Calibrate camera and plane of motion. From a board, or by an object, a ball, or a distance.
+    """Calibrate camera and plane of motion. From images or a clip of a board.
 
     \b
     Example:
@@ -37,7 +36,7 @@ def calibrate(
     drawings = _calibrate_output.plot_paths(output) if plot else ()
     for source in sources:
         _terminal.check_outputs(source, [output, *drawings], overwrite=force)
-    request = _calibrate_request.request_of(sources, board, camera, size, plumb=plumb, over=over)
+    request = _calibrate_request.request_of(sources, board, camera, plumb=plumb, over=over)
     with _terminal.progress("looking for the board") as report_progress:
         plane = calibrate_plane(request, report_progress)
     drawn = _calibrate_output.save(plane, output, plot=plot, overwrite=force)

@@ -1,6 +1,7 @@
 """A camera from views of a board, and the plane of motion it then sees: known answers, coverage, bad input."""
 
 import math
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -18,12 +19,6 @@ from iris_sysid.calibration.homography import (
     fit_homography,
     homography_sensitivity,
     homography_slopes,
-)
-from iris_sysid.calibration.known_size import (
-    camera_from_field_of_view,
-    plane_from_ball,
-    plane_from_distance,
-    plane_from_size,
 )
 from iris_sysid.calibration.plane import check_image_size, local_geometry, local_scale, to_pixels, to_plane
 from iris_sysid.calibration.resize_crop import cropped_camera, resized_camera
@@ -322,7 +317,7 @@ def test_calibration_of_another_resolution_or_crop_is_refused(calibrated, match)
     with pytest.raises(CalibrationError, match=match):
         check_image_size(calibrated, SIZE)
     view = view_of_corners(corners(pose()), SIZE, BOARD)
-    camera = camera_from_field_of_view(1.0, calibrated)
+    camera = replace(known(PHONE), image_size=calibrated)
     with pytest.raises(CalibrationError, match=match):
         plane_from_board(view, BOARD, camera)
 
@@ -566,71 +561,6 @@ def test_positions_from_images_are_right_to_a_thousandth_of_the_field(from_pictu
     error = np.abs(to_plane(plane, FIELD)[0] - to_plane(true_plane(where, plane, offset_m), FIELD)[0]).max()
     assert error < 0.0005 * SIZE[0] / plane.scale.value
     assert camera.parameters[0] == pytest.approx(PHONE[0], rel=5e-4)
-
-
-# --------------------------------------------------------------------------- without a board
-
-
-def test_known_size_fixes_the_scale_with_its_error():
-    plane = plane_from_size(200.0, 0.5, size_px_stderr=1.0, size_m_stderr=0.001, image_size=SIZE)
-    assert plane.scale.value == pytest.approx(400)
-    assert plane.scale.stderr / plane.scale.value == pytest.approx(math.hypot(1 / 200, 0.001 / 0.5), rel=1e-3)
-    assert to_plane(plane, np.array([[40.0, 80]]))[0].tolist() == [[0.1, -0.2]]
-    assert plane.fixed == ("scale",)
-    assert "the camera looks straight at the plane of motion" in plane.assumed
-
-
-def test_ball_fixes_the_scale_and_an_average_does_not_shrink_its_edge_error():
-    rng = np.random.default_rng(0)
-    radius_px = 20 + rng.normal(0, 0.3, 10_000)
-    radius_px[::7] = np.nan
-    plane = plane_from_ball(radius_px, 0.033, radius_m_stderr=0.0003, edge_stderr_px=0.1)
-    assert plane.scale.value == pytest.approx(20 / 0.033, rel=1e-3)
-    assert plane.scale.stderr / plane.scale.value == pytest.approx(math.hypot(0.1 / 20, 0.0003 / 0.033), rel=0.01)
-    assert not plane.notes
-
-
-def test_ball_that_comes_nearer_is_noticed():
-    xy_px = np.column_stack([np.linspace(100, 800, 60), np.full(60, 200.0)])
-    plane = plane_from_ball(np.linspace(19, 21, 60), 0.033, xy_px=xy_px)
-    assert "10.0 % larger at one end of its path" in plane.notes[0]
-
-
-def test_distance_and_field_of_view_fix_the_scale():
-    camera = camera_from_field_of_view(math.radians(60), SIZE, angle_stderr_rad=math.radians(1))
-    assert camera.parameters[0] == pytest.approx(480 / math.tan(math.radians(30)))
-    plane = plane_from_distance(camera, 2.0, distance_stderr_m=0.01)
-    assert plane.scale.value == pytest.approx(camera.parameters[0] / 2)
-    # d ln f / d angle = 1 / sin(angle)
-    relative = math.hypot(0.005, math.radians(1) / math.sin(math.radians(60)))
-    assert plane.scale.stderr / plane.scale.value == pytest.approx(relative, rel=0.01)
-    assert np.allclose(to_plane(plane, np.array([camera.parameters[2:4]]))[0], 0)
-
-
-def test_tilt_that_is_not_known_shows_away_from_the_line_of_sight():
-    camera = camera_from_field_of_view(1.0, SIZE, centre_stderr=0.0)
-    plane = plane_from_distance(camera, 2.0, distance_stderr_m=0.0, tilt_stderr_rad=0.05)
-    assert common_covariance(plane, np.array([camera.parameters[2:4]])).max() < 1e-20
-    edge = np.array([[0.0, camera.parameters[3]]])
-    x = to_plane(plane, edge)[0][0, 0]
-    # a tilt stretches the edge by x / distance of itself a radian
-    assert math.sqrt(common_covariance(plane, edge)[0, 0]) == pytest.approx(0.05 * x**2 / 2.0, rel=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("make", "match"),
-    [
-        (lambda: plane_from_size(0, 1, size_px_stderr=0), "above zero: px = 0 px"),
-        (lambda: plane_from_size(5, 1, size_px_stderr=9), r"below the length: 5 \+- 9 px"),
-        (lambda: plane_from_ball(np.full(9, np.nan), 0.03), "measured in 0 frames, 3 are needed"),
-        (lambda: camera_from_field_of_view(4.0, SIZE), "between 0 and 180 degrees"),
-        (lambda: plane_from_distance(known(PHONE), -1, distance_stderr_m=0), "distance must be above zero"),
-        (lambda: plane_from_distance(known(PHONE), 1, distance_stderr_m=0, tilt_stderr_rad=2), "below 1 rad"),
-    ],
-)
-def test_size_or_distance_that_cannot_be_is_refused(make, match):
-    with pytest.raises(CalibrationError, match=match):
-        make()
 
 
 # --------------------------------------------------------------------------- drawings

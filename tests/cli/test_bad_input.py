@@ -306,7 +306,7 @@ OTHER_TABLE = [
     ("import text.mp4 -o t.csv", "text.mp4"),
     ("import project.trk -o taken.csv", "taken.csv exists already"),
     ("import project.trk -o t.csv", "project.trk has no coordinate system: open it in Tracker"),
-    ("calibrate good.csv -o c.json", "give one of --board, --object, --ball, or --distance .* not none of them"),
+    ("calibrate good.csv -o c.json", "a board needs both --board 9x6 and --square 25mm"),
     ("calibrate good.csv --board 9x6 -o c.json", "a board needs both --board 9x6 and --square 25mm"),
     ("calibrate no.png --board 9x6 --square 25mm -o c.json", "cannot read no.png: No such file"),
     ("calibrate text.mp4 --board 9x6 --square 25mm -o c.json", "text.mp4"),

@@ -18,11 +18,11 @@ from iris_sysid.calibration.calibration_json import read_calibration, write_cali
 from iris_sysid.calibration.camera import calibrate_camera
 from iris_sysid.calibration.pixel_scale import scale, to_world, uncalibrated
 from iris_sysid.calibration.plane import to_pixels, to_plane
-from iris_sysid.calibration.request import BySize, CalibrationRequest, calibrate_plane
+from iris_sysid.calibration.request import CalibrationRequest, calibrate_plane
 from iris_sysid.cli import app
 from iris_sysid.errors import CalibrationError, DataError, IrisError
 from iris_sysid.io.csv_read import read_trajectory
-from iris_sysid.io.csv_write import write_track, write_trajectory, write_worlds
+from iris_sysid.io.csv_write import write_trajectory, write_worlds
 from iris_sysid.registry import PHENOMENA
 from iris_sysid.report.budget import budget_sections, calibration_section
 from iris_sysid.synthetic import Look, render_checkerboard, render_clip
@@ -408,21 +408,6 @@ def test_command_calibrates_from_one_image_without_a_camera(pictures, tmp_path):
     assert "camera" not in read_calibration(tmp_path / "c.json").budget
 
 
-def test_command_calibrates_without_a_board(pictures, tmp_path):
-    view = pictures[0] / "view0.png"
-    command(view, "--object", "200+-1px=50.0+-0.1cm", "-o", tmp_path / "object.json")
-    by_object = read_calibration(tmp_path / "object.json")
-    assert by_object.scale.value == pytest.approx(400)
-    assert by_object.scale.stderr == pytest.approx(400 * math.hypot(0.005, 0.002))
-    command(view, "--distance", "2m+-1cm", "--fov", "60deg+-1deg", "-o", tmp_path / "fov.json")
-    assert read_calibration(tmp_path / "fov.json").scale.value == pytest.approx(480 / math.tan(math.pi / 6) / 2)
-    track = write_track(falling(by_object, np.random.default_rng(0)), tmp_path / "track.csv")
-    command(view, "--ball", "50mm", "--track", track, "--plumb", "9,9,19,509", "-o", tmp_path / "ball.json")
-    by_ball = read_calibration(tmp_path / "ball.json")
-    assert by_ball.scale.value == pytest.approx(400)
-    assert by_ball.vertical_source == "plumb-line"
-
-
 def spoilt(folder, tmp_path, change):
     """The images, changed one by one."""
     for k in range(4):
@@ -471,7 +456,6 @@ def same(folder):
         ),
         (lambda k, image: image, ("--plane-view", "9"), "no image number 9; 4 were given"),
         (lambda k, image: image, ("--square", "30"), "'30' has no unit; units are m, cm, mm"),
-        (lambda k, image: image, ("--object", "200px=1m"), "give one of --board, --object"),
         (lambda k, image: image, ("--up", "left"), "--up must be image or board"),
         (lambda k, image: image, ("--one-picture", "--offset", "5cm"), "needs the distance from the camera"),
     ],
@@ -487,7 +471,7 @@ def test_command_says_why_images_give_no_calibration(pictures, tmp_path, change,
 def test_calibration_that_belongs_to_another_clip_is_refused_where_it_is_made(made, pictures, tmp_path):
     other = tmp_path / "other.png"
     cv2.imwrite(str(other), np.zeros((1080, 1920), np.uint8))
-    request = CalibrationRequest((pictures[0] / "view0.png",), BySize(200.0, 0.5), clip=other)
+    request = CalibrationRequest((pictures[0] / "view0.png",), Board(9, 6, 0.03), one_image=True, clip=other)
     with pytest.raises(CalibrationError, match=r"of the same shape.*calibrate at 1920x1080 px"):
         calibrate_plane(request)
 
