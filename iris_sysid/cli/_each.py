@@ -141,7 +141,7 @@ def _model_of_all(tables: Sequence[Path], request: EachRequest) -> Model | None:
             with suppress(IrisError):  # of that table alone; a missing document is wrong usage
                 _model_choice.model_of_runs([table])
         return None
-    return _model_choice.stated_model(stated, phenomenon, tables, request.record.columns)
+    return _model_choice.stated_model(stated, phenomenon, tables, request.record)
 
 
 def prepared(request: EachRequest, model: Model | None, effects: tuple[Effect, ...], table: Path) -> DiagnosisRequest:
@@ -154,7 +154,7 @@ def prepared(request: EachRequest, model: Model | None, effects: tuple[Effect, .
 
     stated, record, search = request.stated, request.record, request.search
     described, free_by_default = model or _model_of(table, request)
-    (clip,) = _terminal.read_tables([table], record.columns, described, keep_clipped=record.keep_clipped)
+    (clip,) = _terminal.read_tables([table], record, described)
     fixed = _parsing.settings(stated.known, {} if described is None else described.units())
     known = {*fixed, *clip.known}
     free = dict.fromkeys([*(name for name in free_by_default if name not in known), *stated.free])

@@ -12,7 +12,7 @@ from iris_sysid.cli import _own_equation, _terminal
 from iris_sysid.errors import DataError
 
 if TYPE_CHECKING:
-    from iris_sysid.cli.arguments import EquationArguments
+    from iris_sysid.cli.arguments import EquationArguments, RecordArguments
     from iris_sysid.io.schemas import FitDocument
     from iris_sysid.types import OdeModel, Trajectory
 
@@ -20,7 +20,7 @@ AUTO = "auto"
 
 
 def stated_model(
-    stated: EquationArguments, phenomenon: str | None, clips: Sequence[Path], columns: str | None
+    stated: EquationArguments, phenomenon: str | None, clips: Sequence[Path], record: RecordArguments
 ) -> tuple[OdeModel, Sequence[str]]:
     """The model to diagnose, and the constants that its phenomenon estimates by default.
 
@@ -31,10 +31,10 @@ def stated_model(
 
     if stated.equation is not None:
         _own_equation.check_one(stated, phenomenon)
-        return _own_equation.model_of(stated, tables_in(clips[0])[0], columns), ()
+        return _own_equation.model_of(stated, tables_in(clips[0])[0], record.columns), ()
     described = None if phenomenon is None else PHENOMENA.named(phenomenon)
     if stated.model == AUTO:
-        return _chosen(clips, columns), ()
+        return _chosen(clips, record), ()
     if stated.model is not None:
         return MODELS.named(stated.model), ()
     if described is None:
@@ -74,13 +74,13 @@ def model_of_fit(document: FitDocument, clip: Trajectory) -> OdeModel:
     return MODELS.named(PHENOMENA.named(phenomenon).model if phenomenon else options.get("model") or document.model)
 
 
-def _chosen(clips: Sequence[Path], columns: str | None) -> OdeModel:
+def _chosen(clips: Sequence[Path], record: RecordArguments) -> OdeModel:
     """The model of the bank that describes the first clip."""
     from fitters.selection.select import select_model
     from iris_sysid.benchmark.clip_folders import tables_in
     from iris_sysid.registry import MODELS
 
-    choice = select_model(_terminal.read_tables(tables_in(clips[0])[:1], columns)[0])
+    choice = select_model(_terminal.read_tables(tables_in(clips[0])[:1], record)[0])
     if choice.chosen is None:
         raise DataError(f"{choice.message}; name a model with --model")
     typer.echo(f"model: {choice.message}", err=True)

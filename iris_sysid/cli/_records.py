@@ -101,7 +101,7 @@ def split(
     (clip,) = clips
     match = SHARE.fullmatch(validate.strip())
     if match is None or Path(validate).exists():
-        (record,) = _terminal.read_tables([Path(validate)], stated.columns, model, keep_clipped=stated.keep_clipped)
+        (record,) = _terminal.read_tables([Path(validate)], stated, model)
         return [clip], record
     from fitters.validation_record import split_record
 

@@ -22,7 +22,7 @@ from iris_sysid.io.compiling import when_compiling
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from iris_sysid.cli.arguments import WorkArguments
+    from iris_sysid.cli.arguments import RecordArguments, WorkArguments
     from iris_sysid.types import FitResult, OdeModel, Track, Trajectory, Verdict
 
 NOT_GOOD = 3  # exit status with --strict
@@ -67,9 +67,7 @@ def check_suffix(path: Path | None, suffix: str) -> None:
         raise OutputError(f"cannot write {path}: it will be a {suffix} file; end its name with {suffix}")
 
 
-def read_tables(
-    tables: Sequence[Path], columns: str | None, model: OdeModel | None = None, *, keep_clipped: bool = True
-) -> list[Trajectory]:
+def read_tables(tables: Sequence[Path], record: RecordArguments, model: OdeModel | None = None) -> list[Trajectory]:
     """Read trajectories, and tell on stderr what was made of their columns and of clipped readings.
 
     The only quantity of the unit that ``model`` observes is taken for that quantity, whatever its name; positions x and
@@ -79,11 +77,11 @@ def read_tables(
     from iris_sysid.io.csv_read import read_trajectory
     from iris_sysid.io.table_headers import parse_columns
 
-    stated = None if columns is None else parse_columns(columns)
+    stated = None if record.columns is None else parse_columns(record.columns)
     clips = []
     for table in tables:
         read = read_trajectory(table, stated)
-        clips.append(read if keep_clipped else without_clipped(read))
+        clips.append(read if record.keep_clipped else without_clipped(read))
         for text in (*read.origin.get("read_as", ()), *clips[-1].origin.get("clipped_readings", ())):
             tell(f"{table}: {text}")
         if model is not None:

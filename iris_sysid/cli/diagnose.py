@@ -87,7 +87,7 @@ def diagnose(
         _terminal.refuse(parallel, "belongs to --each and to data sets; several tables at once are one fit")
     processes = _terminal.workers_of(work)
     check_folder(output, overwrite=force)
-    described, free_by_default = _model_choice.stated_model(stated, search.phenomenon, clips, record.columns)
+    described, free_by_default = _model_choice.stated_model(stated, search.phenomenon, clips, record)
     fixed = _parsing.settings(stated.known, described.units())
     limits, sensor = search.limits(), _parsing.sensor(search.sensor)
     options = typed(stated, record, search, clip_set=joint.clip_set, validate=joint.validate)
@@ -231,9 +231,7 @@ def _measured(
     trajectories: list[Trajectory] = []
     for path in clips:
         if not is_dataset(path):
-            trajectories += _terminal.read_tables(
-                tables_in(path), record.columns, model, keep_clipped=record.keep_clipped
-            )
+            trajectories += _terminal.read_tables(tables_in(path), record, model)
             continue
         if phenomenon is None:
             raise DataError(f"{path} is a data set: choose its clips, e.g. --phenomenon pendulum")

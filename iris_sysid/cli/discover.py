@@ -51,7 +51,7 @@ def discover(
     units = {parameter.name: parameter.unit for model in MODELS.values() for parameter in model.parameters}
     kept = None if residual_of is None else MODELS.named(residual_of)
     constants = _parsing.settings(known or (), units)
-    read = _terminal.read_tables(tables, record.columns, keep_clipped=record.keep_clipped)
+    read = _terminal.read_tables(tables, record)
     read = read if kept is None else [_terminal.from_positions(clip, kept)[0] for clip in read]
     options = typed(record, quantity=quantity, set=known, residual_of=residual_of, seed=seed)
     clips = [_parsing.with_options(clip, **options) for clip in read]

@@ -104,7 +104,7 @@ def fit(
     units = {} if chosen is None else chosen.units()
     fixed, first = (_parsing.settings(texts, units) for texts in (stated.known, how.start))
     options = typed(stated, record, how)
-    read = _terminal.read_tables(tables, record.columns, chosen, keep_clipped=record.keep_clipped)
+    read = _terminal.read_tables(tables, record, chosen)
     clips = [_parsing.with_options(clip, **options) for clip in read]
     if chosen is None:
         verdict, model = _choose(clips[0], stated.free, output, force, json)

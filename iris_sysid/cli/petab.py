@@ -10,7 +10,17 @@ import typer
 
 from iris_sysid.cli import _terminal
 from iris_sysid.cli._groups import with_groups
-from iris_sysid.cli.arguments import SET, TABLE, Bounds, Columns, Equation, Force, Output, StartingValues
+from iris_sysid.cli.arguments import (
+    SET,
+    TABLE,
+    Bounds,
+    Columns,
+    Equation,
+    Force,
+    Output,
+    RecordArguments,
+    StartingValues,
+)
 
 
 @dataclass(frozen=True)
@@ -62,7 +72,7 @@ def _export(table: Path, output: Path, stated: ExportArguments, force: bool) -> 
     from iris_sysid.cli import _own_equation, _parsing
 
     assert stated.equation is not None
-    (clip,) = _terminal.read_tables([table], stated.columns)
+    (clip,) = _terminal.read_tables([table], RecordArguments(stated.columns, keep_clipped=True))
     bounds, fixed = _own_equation.parsed_bounds(stated.bound), _parsing.settings(stated.known)
     starts = {name: value.value for name, value in _parsing.settings(stated.start).items()}
     written = write_petab(clip, stated.equation, output, bounds=bounds, fixed=fixed, start=starts, overwrite=force)

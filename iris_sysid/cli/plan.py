@@ -130,11 +130,11 @@ def _after_a_clip(
     stated = _stated(changes.change)
     costs, errors = dict(map(_number, changes.cost)), dict(map(_error, changes.precise))
     document = _diagnosed(diagnosis)
-    question = _question(document, tuple(changes.name), equation, clips[0], record.columns)
+    question = _question(document, tuple(changes.name), equation, clips[0], record)
     filmed = [] if changes.filmed is None else [changes.filmed]
     trajectories, new = (
         _as_diagnosed(
-            _terminal.read_tables(tables, record.columns, question.model, keep_clipped=record.keep_clipped),
+            _terminal.read_tables(tables, record, question.model),
             document,
             record.hold,
         )
@@ -214,7 +214,11 @@ def _as_diagnosed(clips: "list[Trajectory]", document: "DiagnosisDocument", hold
 
 
 def _question(
-    document: "DiagnosisDocument", names: tuple[str, ...], stated: EquationArguments, clip: Path, columns: str | None
+    document: "DiagnosisDocument",
+    names: tuple[str, ...],
+    stated: EquationArguments,
+    clip: Path,
+    record: RecordArguments,
 ) -> "Question":
     """What a diagnosis of a clip left open; ``names`` and the model and values ``stated`` replace those it had."""
     from dataclasses import replace
@@ -224,9 +228,9 @@ def _question(
     from iris_sysid.io.table_headers import parse_columns
 
     if stated.model or stated.equation:
-        model = _model_choice.stated_model(stated, None, [clip], columns)[0]
+        model = _model_choice.stated_model(stated, None, [clip], record)[0]
     else:
-        first = read_trajectory(clip, None if columns is None else parse_columns(columns))
+        first = read_trajectory(clip, None if record.columns is None else parse_columns(record.columns))
         model = _model_choice.model_of_fit(document.base, first)
     asked = _asked(document, model)
     fixed = {**asked.fixed, **_parsing.settings(stated.known, model.units())}

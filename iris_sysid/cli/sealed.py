@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from iris_sysid.cli import _terminal
-from iris_sysid.cli.arguments import Columns, Force, Json, SampleTime
+from iris_sysid.cli.arguments import Columns, Force, Json, RecordArguments, SampleTime
 
 if TYPE_CHECKING:
     from iris_sysid.io.schemas import FitDocument
@@ -89,7 +89,9 @@ def _seal(
         raise typer.BadParameter("Missing option '-o': the folder for estimation.csv and test.sealed")
     for name in (ESTIMATION, TEST):
         check_writable(output / name, overwrite=force)
-    (clip,) = _terminal.read_tables([table], _records.with_sample_time(columns, sample_time))
+    (clip,) = _terminal.read_tables(
+        [table], RecordArguments(_records.with_sample_time(columns, sample_time), keep_clipped=True)
+    )
     estimation, test = cut_record(clip, _records.kept(keep, clip))
     seal(test, output / TEST, overwrite=force)
     typer.echo(f"{output / TEST}: the last {test.n} samples, sealed", err=True)

@@ -3,7 +3,7 @@
 import typer
 
 from iris_sysid.cli import _terminal
-from iris_sysid.cli.arguments import Columns, Force, Output, Table
+from iris_sysid.cli.arguments import Columns, Force, Output, RecordArguments, Table
 
 
 def smooth(table: Table, output: Output, columns: Columns = None, force: Force = False) -> None:
@@ -18,7 +18,7 @@ def smooth(table: Table, output: Output, columns: Columns = None, force: Force =
     from iris_sysid.trajectory import smoothing
 
     _terminal.check_outputs(table, [output], overwrite=force)
-    smoothed = smoothing.smooth(*_terminal.read_tables([table], columns))
+    smoothed = smoothing.smooth(*_terminal.read_tables([table], RecordArguments(columns, keep_clipped=True)))
     csv_write.write_trajectory(smoothed, output, overwrite=force)
     state = smoothed.smoothed
     assert state is not None
