@@ -256,7 +256,7 @@ def sensitivity(effect: Effect, fitted: FitResult, trajectory: Trajectory, motio
 
 
 def _seen_change(effect: Effect, fitted: FitResult, sizes: Array) -> Array:
-    """The same (n_used, d) of an effect on what is seen, with its other parameters in ``sizes`` (p,)."""
+    """The same (n_used, d) of an effect on the observation, with its other parameters in ``sizes`` (p,)."""
     t_s, seen, velocity = _seen_motion(fitted)
     step = np.zeros_like(sizes)
     if effect.observe is not None:
@@ -352,12 +352,12 @@ def shaped(effect: Effect, shape: Sequence[float]) -> Effect:
 
 
 def effect_change(effect: Effect, t_s: Array, motion: Array, velocity: Array, sizes: Array, size: float) -> Array:
-    """What an effect of a given size changes in what is seen (n, d).
+    """How an effect of a given size changes the observation (n, d).
 
     Parameters
     ----------
     effect
-        One that acts on what is seen.
+        One that acts on the observation.
     t_s
         (n,) s.
     motion, velocity

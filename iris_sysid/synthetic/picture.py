@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 
@@ -135,21 +134,3 @@ def _copy(planes: Planes, source: Planes, left: int, top: int, right: int, botto
     rows, columns = slice(top // 2, bottom // 2 + 1), slice(left // 2, right // 2 + 1)
     planes.blue[rows, columns] = source.blue[rows, columns]
     planes.red[rows, columns] = source.red[rows, columns]
-
-
-def painted(stage: Stage, camera: Camera, look: Look, times_s: Sequence[float]) -> list[Planes]:
-    """Exact images at some times, before noise and rounding, for tests of the geometry.
-
-    Parameters
-    ----------
-    stage
-        A scene made ready.
-    camera
-        Where it is seen from.
-    look
-        The stage to draw.
-    times_s
-        Middle times of the exposures.
-    """
-    painter = Picture(stage, camera, look, np.random.default_rng(0))
-    return [painter.at(t_s).copy() for t_s in times_s]

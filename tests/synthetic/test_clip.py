@@ -51,7 +51,7 @@ def test_odd_frame_rates_are_kept_exactly(tmp_path, fps):
 
 
 def test_lossless_clip_holds_the_exact_image(tmp_path):
-    from iris_sysid.synthetic.picture import painted
+    from tests.synthetic._painted import painted
 
     look = Look.plain()
     render_clip("pendulum", tmp_path / "clip.mp4", look=look, **SMALL)

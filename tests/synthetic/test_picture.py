@@ -10,11 +10,11 @@ from iris_sysid.synthetic import Look
 from iris_sysid.synthetic.backdrop import ycbcr
 from iris_sysid.synthetic.camera import Camera, CameraView, camera_for
 from iris_sysid.synthetic.coverage import Canvas, blend, coverage
-from iris_sysid.synthetic.picture import painted
 from iris_sysid.synthetic.plan import plan_clip, scene_named, stage_of
 from iris_sysid.synthetic.scene import SceneBody, Stage, Wall
 from iris_sysid.synthetic.sensor import Sensor, kept_frames, shake
 from iris_sysid.synthetic.shapes import Layer, circle, disc, polyline, rounded, still
+from tests.synthetic._painted import painted
 
 SIZE = (96, 64)
 SCALE = 100.0  # px/m in the images of single discs

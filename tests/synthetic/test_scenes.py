@@ -11,9 +11,10 @@ from iris_sysid.synthetic import SCENES, Look
 from iris_sysid.synthetic.backdrop import ycbcr
 from iris_sysid.synthetic.effects import CAMERA, FORCES
 from iris_sysid.synthetic.motion import Phase, SceneEvent, integrate, moving, resting
-from iris_sysid.synthetic.picture import Picture, painted
+from iris_sysid.synthetic.picture import Picture
 from iris_sysid.synthetic.plan import plan_clip, scene_named, stage_of
 from iris_sysid.synthetic.scenes.led import UNLIT
+from tests.synthetic._painted import painted
 
 GRAVITY = 9.80665
 ALL = sorted(SCENES)
