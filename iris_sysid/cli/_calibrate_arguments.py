@@ -48,6 +48,5 @@ class CameraArguments:
     keep_outliers: Annotated[bool, typer.Option("--keep-outliers", help="Keep views that disagree with the rest.")] = (
         False
     )
-    window: Annotated[int | None, typer.Option(help="Half side of classical corner windows, px.")] = None
     views: Annotated[int, typer.Option(help="Number of frames to select from a clip.", min=3)] = 20
     examine: Annotated[int, typer.Option(help="Number of frames of a clip to examine.", min=3)] = 200

@@ -45,7 +45,6 @@ def request_of(
         lens=None if camera.lens is None else tuple(filter(None, camera.lens.replace(" ", "").split(","))),
         square_pixels=not camera.free_aspect,
         drop_outliers=not camera.keep_outliers,
-        window_px=camera.window,
         count=camera.views,
         examine=max(camera.examine, camera.views),
     )

@@ -66,13 +66,12 @@ class CameraOptions:
     """How a camera is fitted to views: options of ``calibrate_camera`` and of ``choose_frames``.
 
     ``lens`` names the distortion coefficients to fit; None takes the set with the least BIC. ``count`` frames of a clip
-    are chosen from ``examine``. ``window_px`` takes the classical corner windows of that half side, px.
+    are chosen from ``examine``.
     """
 
     lens: tuple[str, ...] | None = None
     square_pixels: bool = True
     drop_outliers: bool = True
-    window_px: int | None = None
     count: int = 20
     examine: int = 200
 
@@ -132,7 +131,7 @@ def calibrate_board(
     placement, options = placement or BoardPlacement(), options or CameraOptions()
     clip = _clip_of(sources)
     paths = [] if clip else _images_of(sources)
-    view, image, rest = _plane_view(clip, paths, board, placement.view, options)
+    view, image, rest = _plane_view(clip, paths, board, placement.view)
     notes: tuple[str, ...] = ()
     views: Views | None = None
     if camera is None and not one_image:
@@ -222,7 +221,7 @@ def _views(
     if clip is not None:
         chosen = choose_frames(clip, board, count=options.count, examine=options.examine, progress=progress)
         return Views(chosen.views, (chosen.summary,), {}, chosen.seen_px)
-    search = find_boards(paths, board, window_px=options.window_px, progress=progress)
+    search = find_boards(paths, board, progress=progress)
     return Views(search.views, tuple(f"no view: {reason}" for reason in search.missing.values()), search.missing)
 
 
@@ -245,30 +244,28 @@ def _camera(views: Views, board: Board, options: CameraOptions) -> tuple[CameraC
     return camera, (*views.notes, *camera.notes, *left_out)
 
 
-def _plane_view(
-    clip: Video | None, paths: Sequence[Path], board: Board, requested: int | Path | None, options: CameraOptions
-) -> PlaneView:
+def _plane_view(clip: Video | None, paths: Sequence[Path], board: Board, requested: int | Path | None) -> PlaneView:
     """The view in the plane of motion, or parallel to it."""
     if isinstance(requested, Path):
-        return _view_in(requested, board, options)
+        return _view_in(requested, board)
     if clip is not None:
         return clearest_at_rest(clip, *_view_in_clip(clip, board, requested), board)
     if requested is not None:
         if not 1 <= requested <= len(paths):
             raise CalibrationError(f"there is no image number {requested}; {len(paths)} were given, counted from 1")
-        return _view_in(paths[requested - 1], board, options)
+        return _view_in(paths[requested - 1], board)
     first_error: CalibrationError | None = None
     for path in paths:
         try:
-            return _view_in(path, board, options)
+            return _view_in(path, board)
         except CalibrationError as error:
             first_error = first_error or error
     raise CalibrationError(f"none of {len(paths)} images shows the board; {first_error}")
 
 
-def _view_in(path: Path, board: Board, options: CameraOptions) -> PlaneView:
+def _view_in(path: Path, board: Board) -> PlaneView:
     image = grey_image(path)
-    return PlaneView(find_board(image, board, window_px=options.window_px, name=path.name), image)
+    return PlaneView(find_board(image, board, name=path.name), image)
 
 
 def _view_in_clip(clip: Video, board: Board, requested: int | None) -> tuple[BoardView, Frame]:
