@@ -13,7 +13,16 @@ from trackers._detection.coded_planes import plane_limits_of
 from trackers._detection.connected import connected_parts, filled_round
 from trackers._detection.depth import depth_of
 from trackers._detection.foreground import MIN_SUPPORT, SQUARE, background_range_of, components
-from trackers._detection.small_images import blurred, chamfer, dilated, gaussian, opened, quantile, shrunk, stretched
+from trackers._detection.small_images import (
+    blurred,
+    depth_within,
+    dilated,
+    gaussian,
+    opened,
+    quantile,
+    shrunk,
+    stretched,
+)
 from trackers._detection.window_kernels import looks_of, moments_of_difference, paste
 from trackers._frames.working_image import WorkingView
 
@@ -44,10 +53,10 @@ def test_masks_grow_and_their_depths_are_those_of_opencv(shape):
             assert np.array_equal(dilated(mask, by), cv2.dilate(mask, np.ones((2 * by + 1, 2 * by + 1), np.uint8)))
         assert np.array_equal(opened(mask), cv2.morphologyEx(mask, cv2.MORPH_OPEN, SQUARE))
         known = cv2.distanceTransform(np.pad(mask, 1), cv2.DIST_L2, cv2.DIST_MASK_5)[1:-1, 1:-1]
-        assert chamfer(mask, True) == pytest.approx(known, abs=1e-4)
+        assert depth_within(mask, True) == pytest.approx(known, abs=1e-4)
         mask[0, 0] = 0
         known = cv2.distanceTransform(mask, cv2.DIST_L2, cv2.DIST_MASK_5)
-        assert chamfer(mask, False) == pytest.approx(known, abs=1e-4)
+        assert depth_within(mask, False) == pytest.approx(known, abs=1e-4)
 
 
 @pytest.mark.parametrize("channels", [1, 2, 4])

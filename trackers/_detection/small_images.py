@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from iris_sysid.io.kernels import kernel
 from trackers._frames.arrays import Bytes, Image
@@ -19,40 +20,54 @@ UNREACHED = 2**29  # distance of a pixel that no path has reached yet
 
 
 @kernel(nogil=True)
-def chamfer(mask: Bytes, outside: bool) -> Image:
+def depth_within(mask: Bytes, outside: bool) -> Image:
     """Distance (h, w), px, of each pixel to the nearest that is 0, within 2 %; as by a mask of 5 x 5 in OpenCV.
 
     ``outside`` says that pixels outside of the mask are 0; if not, they do not count.
     """
-    height, width = mask.shape
+    start = np.zeros(mask.shape, dtype=np.int32)
+    for y in range(mask.shape[0]):
+        for x in range(mask.shape[1]):
+            if mask[y, x]:
+                start[y, x] = UNREACHED
+    return chamfer(start, outside)
+
+
+@kernel(nogil=True)
+def chamfer(start: NDArray[np.int32], outside: bool) -> Image:
+    """The least of each pixel's own distance and those of the others by way of them: (h, w), px, within 2 %.
+
+    ``start`` (h, w), 1e-4 px, are their own distances; those outside are 0 or do not count.
+    """
+    height, width = start.shape
     steps = np.full((height + 4, width + 4), 0 if outside else UNREACHED, dtype=np.int32)
     by_rows, depth = np.empty(width, dtype=np.int32), np.empty((height, width), dtype=np.float32)
     for y in range(2, height + 2):
-        _by_rows(by_rows, steps[y - 2], steps[y - 1], mask[y - 2])
+        _by_rows(by_rows, steps[y - 2], steps[y - 1], start[y - 2])
         here, least = steps[y, 2 : width + 2], steps[y, 1]
         for x in range(width):
             least = min(least + STRAIGHT, by_rows[x])
             here[x] = least
     for y in range(height + 1, 1, -1):
-        _by_rows(by_rows, steps[y + 2], steps[y + 1], mask[y - 2])
+        _by_rows(by_rows, steps[y + 2], steps[y + 1], steps[y, 2 : width + 2])
         here, least = steps[y, 2 : width + 2], steps[y, width + 2]
         for x in range(width - 1, -1, -1):
-            least = min(least + STRAIGHT, min(by_rows[x], here[x]))
+            least = min(least + STRAIGHT, by_rows[x])
             here[x] = least
             depth[y - 2, x] = np.float32(1e-4) * np.float32(least)
     return depth
 
 
 @kernel(nogil=True)
-def _by_rows(least: np.ndarray, two: np.ndarray, one: np.ndarray, mask: Bytes) -> None:
-    """Set the least distances (n,) by way of the next two rows (n + 4), from two pixels before; off the mask 0."""
+def _by_rows(least: np.ndarray, two: np.ndarray, one: np.ndarray, known: np.ndarray) -> None:
+    """Set the least of the ``known`` distances (n,) and those by way of the next two rows (n + 4)."""
     width = least.size
     knights = two[1 : width + 1], two[3 : width + 3], one[:width], one[4 : width + 4]
     before, beside, after = one[1 : width + 1], one[2 : width + 2], one[3 : width + 3]
     for x in range(width):
         knight = min(min(knights[0][x], knights[1][x]), min(knights[2][x], knights[3][x])) + KNIGHT
         step = min(min(before[x], after[x]) + DIAGONAL, beside[x] + STRAIGHT)
-        least[x] = min(knight, step) if mask[x] else 0
+        least[x] = min(known[x], min(knight, step))
 
 
 @kernel(nogil=True)
