@@ -9,13 +9,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import cfunc, njit
+from numba import njit
 from numba.core.dispatcher import Dispatcher
 from numba.core.errors import NumbaError
 from numpy.typing import NDArray
 
+from fitters.integrator.chained_code import ChainedColumns
 from fitters.integrator.codegen import generated, row
-from fitters.integrator.dormand_prince import COLUMNS_SIGNATURE, integrate
+from fitters.integrator.dormand_prince import integrate
 from fitters.integrator.machine_code import can_raise, compiled_columns
 from fitters.integrator.step_control import controlled_steps
 from iris_sysid.errors import FitError
@@ -49,12 +50,6 @@ def columns(t, states, params, inputs, out):
             {slopes}
         except:
             out[:, c] = nan
-"""
-# Machine code of a right-hand side, then what is added to its slopes, whose parameters come after.
-_CHAIN = """
-def columns(t, states, params, inputs, out):
-    base(t, states, params, inputs, out)
-    step(t, states, params[first:], inputs, out)
 """
 MAX_REPLAYS = 3
 # Attribute of a right-hand side that only numba, not its author, takes for one that can raise (an index that is known
@@ -169,8 +164,7 @@ def _chained(rhs: Callable[..., Any], n_states: int) -> Any:
         return None
     if can_raise(after):
         return None
-    values = {"base": compiled.columns, "step": after, "first": takes[0]}
-    return cfunc(COLUMNS_SIGNATURE, error_model="numpy")(generated(_CHAIN, values))
+    return ChainedColumns(compiled.columns, after, takes[0])
 
 
 @functools.lru_cache(maxsize=512)

@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 from fitters.integrator import machine_code
+from fitters.integrator.chained_code import ChainedColumns
 from fitters.integrator.codegen import generated
+from fitters.integrator.dormand_prince import slopes_along
 from fitters.integrator.machine_code import LoadedFunction, compiled_columns
 from fitters.ode import simulate
 from iris_sysid.io.private_cache import cache_directory, read_private, write_private
@@ -162,3 +164,19 @@ def test_oldest_files_go_when_there_are_too_many(cache, monkeypatch):
     kept = {int(file.name, 16) for file in cache.iterdir()}
     assert 0 not in kept
     assert 9 in kept
+
+
+def add_second(t, states, params, inputs, out):
+    for c in range(states.shape[1]):
+        out[0, c] += t * params[0, c]
+
+
+def test_chain_gives_each_step_the_parameters_after_those_of_the_base():
+    base, step = compiled_columns(columns()), compiled_columns(add_second)
+    chain = ChainedColumns(ChainedColumns(base, step, 1), step, 2)
+    states, params = np.array([[1.0, 2.0]]), np.array([[1.0, 2.0], [10.0, 20.0], [100.0, 200.0]])
+    slopes = np.zeros((2, 1, 2))
+    arguments = np.array([0.0, 2.0]), np.repeat(states[None], 2, axis=0), params, np.zeros((2, 0)), slopes
+    slopes_along(chain, *arguments)
+    assert slopes[0].tolist() == [[-2.0, -8.0]]
+    assert slopes[1].tolist() == [[-2.0 + 220.0, -8.0 + 440.0]]
