@@ -4,20 +4,16 @@ import cv2
 import numpy as np
 import pytest
 from scipy import ndimage
+from scipy.ndimage import distance_transform_edt
 
 from iris_sysid.types import Frame
 from trackers._background.median import BackgroundEstimate
 from trackers._detection.blob_kernels import BLOB_SHARE, INSCRIBED, MIN_INSCRIBED, cut_at, peak_of
 from trackers._detection.coded_planes import plane_limits_of
 from trackers._detection.connected import connected_parts, filled_round
+from trackers._detection.depth import depth_of
 from trackers._detection.foreground import MIN_SUPPORT, SQUARE, background_range_of, components
-from trackers._detection.small_images import (
-    blurred,
-    depth_within,
-    dilated,
-    opened,
-    quantile,
-)
+from trackers._detection.small_images import blurred, chamfer, dilated, gaussian, opened, quantile, shrunk, stretched
 from trackers._detection.window_kernels import looks_of, moments_of_difference, paste
 from trackers._frames.working_image import WorkingView
 
@@ -28,8 +24,16 @@ def blotches(seed, shape):
     return (cv2.blur(rng.random(shape), (5, 5)) > rng.uniform(0.4, 0.6)).astype(np.uint8)
 
 
+@pytest.mark.parametrize("seed", range(20))
+def test_depth_is_exact(seed):
+    mask = blotches(seed, (seed + 1, 40))
+    assert np.array_equal(depth_of(mask), distance_transform_edt(np.pad(mask, 1))[1:-1, 1:-1].astype(np.float32))
+    mask[0, 0] = 0
+    assert np.array_equal(depth_of(mask, outside=False), distance_transform_edt(mask).astype(np.float32))
+
+
 def test_depth_of_a_full_mask_is_that_to_its_sides():
-    assert depth_within(np.ones((5, 9), np.uint8), True).max() == 3
+    assert depth_of(np.ones((5, 9), np.uint8)).max() == 3
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (2, 9), (41, 30), (83, 80)])
@@ -40,18 +44,33 @@ def test_masks_grow_and_their_depths_are_those_of_opencv(shape):
             assert np.array_equal(dilated(mask, by), cv2.dilate(mask, np.ones((2 * by + 1, 2 * by + 1), np.uint8)))
         assert np.array_equal(opened(mask), cv2.morphologyEx(mask, cv2.MORPH_OPEN, SQUARE))
         known = cv2.distanceTransform(np.pad(mask, 1), cv2.DIST_L2, cv2.DIST_MASK_5)[1:-1, 1:-1]
-        assert depth_within(mask, True) == pytest.approx(known, abs=1e-4)
+        assert chamfer(mask, True) == pytest.approx(known, abs=1e-4)
         mask[0, 0] = 0
         known = cv2.distanceTransform(mask, cv2.DIST_L2, cv2.DIST_MASK_5)
-        assert depth_within(mask, False) == pytest.approx(known, abs=1e-4)
+        assert chamfer(mask, False) == pytest.approx(known, abs=1e-4)
 
 
-@pytest.mark.parametrize("sigma", [2.0, 7.0, 10.0])
-def test_a_blur_is_nearly_a_gaussian(sigma):
+@pytest.mark.parametrize("channels", [1, 2, 4])
+@pytest.mark.parametrize("shape", [(3, 7), (40, 61)])
+def test_images_are_blurred_and_resized_as_by_opencv(shape, channels):
+    image = np.random.default_rng(channels).normal(100, 30, (*shape, channels)).astype(np.float32)
+    for across, down in [(1.5, 1.5), (2.7, 4.0), (0.4, 1.0)]:
+        known = cv2.GaussianBlur(image, (0, 0), across, sigmaY=down).reshape(image.shape)
+        assert gaussian(image, across, down) == pytest.approx(known, abs=1e-3)
+    for factor in (2, 3):
+        rows, columns = (-(-size // factor) for size in shape)
+        small = cv2.resize(image, (columns, rows), interpolation=cv2.INTER_AREA).reshape(rows, columns, channels)
+        assert shrunk(image, rows, columns) == pytest.approx(small, abs=1e-3)
+        large = cv2.resize(small, shape[::-1], interpolation=cv2.INTER_LINEAR).reshape(image.shape)
+        assert stretched(np.ascontiguousarray(small), *shape) == pytest.approx(large, abs=1e-3)
+
+
+def test_a_wide_blur_at_a_reduced_size_is_that_of_the_whole_image_of_something_wide():
     rows, columns = np.indices((90, 80))
-    hill = np.exp(-((rows - 40) ** 2 + (columns - 40) ** 2) / (2 * 7.0**2)).astype(np.float32)
-    image = np.stack([hill, 3 * hill], axis=2)
-    assert blurred(image, sigma) == pytest.approx(cv2.GaussianBlur(image, (0, 0), sigma), abs=0.16)
+    hill = np.exp(-((rows - 40) ** 2 + (columns - 45) ** 2) / (2 * 7.0**2))[..., np.newaxis].astype(np.float32)
+    for sigma in (2.0, 7.0, 10.0):
+        known = cv2.GaussianBlur(hill, (0, 0), sigma)
+        assert blurred(hill, sigma)[..., 0] == pytest.approx(known, abs=0.01)
 
 
 @pytest.mark.parametrize("count", [1, 2, 9, 100])
@@ -159,7 +178,7 @@ def parts_by_scipy(mask, level, faintest, smallest):
     wholes, count = ndimage.label(ndimage.binary_fill_holes((mask > 0) & (level >= faintest)), square)
     parts = []
     for whole in (wholes == number for number in range(1, count + 1)):
-        depth = depth_within(whole.astype(np.uint8), True)
+        depth = distance_transform_edt(np.pad(whole, 1))[1:-1, 1:-1].astype(np.float32)
         if np.count_nonzero(whole) < smallest:
             continue
         if depth.max() < MIN_INSCRIBED:
@@ -167,9 +186,7 @@ def parts_by_scipy(mask, level, faintest, smallest):
             continue
         cut = BLOB_SHARE * depth.max()
         seeds, seed_count = ndimage.label(depth > cut, square)
-        away = np.stack(
-            [depth_within((seeds != number).astype(np.uint8), False) for number in range(1, seed_count + 1)]
-        )
+        away = np.stack([distance_transform_edt(seeds != number) for number in range(1, seed_count + 1)])
         owner = np.where(whole & (away.min(axis=0) <= cut + 1), away.argmin(axis=0), -1)
         parts += [(owner == k, depth[seeds == k + 1].max()) for k in range(seed_count)]
     return parts

@@ -10,7 +10,8 @@ import numpy as np
 from iris_sysid.io.kernels import kernel
 from iris_sysid.types import Array
 from trackers._detection.connected import Labels, filled_about, parts_with
-from trackers._detection.small_images import depth_within, mirrored
+from trackers._detection.depth import exact_depth
+from trackers._detection.small_images import mirrored
 from trackers._frames.arrays import Bytes, Image
 
 MIN_INSCRIBED = 2.5  # px: a component with a smaller inscribed circle is not taken apart
@@ -63,7 +64,7 @@ def cut_at(mask: Bytes, level: Bytes, faintest: float, smallest: int) -> tuple[L
     bright = ((mask > 0) & (level >= faintest)).astype(np.uint8)
     solid = filled_about(bright, bright)
     wholes, boxes = parts_with(solid, solid)
-    depth = depth_within(solid, True)
+    depth = exact_depth(solid, True)
     kept = _worth_cutting(wholes, boxes, depth, smallest)
     deep = np.zeros(mask.shape, dtype=np.uint8)
     for y in range(mask.shape[0]):
@@ -112,7 +113,7 @@ def _owned(
         reach = int(cut) + 2
         top, left = max(0, top - reach), max(0, left - reach)
         bottom, right = min(wholes.shape[0], bottom + reach), min(wholes.shape[1], right + reach)
-        away = depth_within((seeds[top:bottom, left:right] != k + 1).astype(np.uint8), False)
+        away = exact_depth((seeds[top:bottom, left:right] != k + 1).astype(np.uint8), False)
         for y in range(top, bottom):
             for x in range(left, right):
                 off = away[y - top, x - left]

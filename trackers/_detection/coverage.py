@@ -16,9 +16,10 @@ from trackers._detection.coverage_kernels import (
     shares,
     texture_variance,
 )
+from trackers._detection.depth import exact_depth
 from trackers._detection.outline import outline
 from trackers._detection.shading import shading
-from trackers._detection.small_images import blurred, depth_within, dilated
+from trackers._detection.small_images import blurred, dilated
 from trackers._frames.arrays import Bytes, Flags, Image
 
 SHARP, REFINED = 1.5, 2  # px: an outline whose half width exceeds this is found again; number of repetitions
@@ -49,7 +50,7 @@ def coverage(planes: Planes, mask: Bytes, other: Bytes, inflation: float, refine
     refined
         Whether outline and background are estimated again from the first result.
     """
-    depth = depth_within(mask, False)
+    depth = exact_depth(mask, False)
     deepest = float(depth.max())
     near, heart = _without(dilated(mask, NEAR), other), _above(depth, 0.5 * deepest)
     persistence, rim = max(1.5, deepest / 2), min(RIM_PX, RIM_SHARE * deepest)

@@ -10,9 +10,9 @@ import numpy as np
 from iris_sysid.types import Frame
 from trackers._background.median import Background
 from trackers._detection.coverage_kernels import seen_roughly
+from trackers._detection.depth import depth_of
 from trackers._detection.foreground import MIN_AREA, Blob
 from trackers._detection.motion_blur import streak_centre
-from trackers._detection.small_images import depth_within
 from trackers._detection.strong_windows import grown
 from trackers._detection.subpixel_centroid import Centre, Window, coverage_centre
 from trackers._detection.window_kernels import looks_of, made_ready, paste
@@ -326,6 +326,6 @@ def touches(blob: Blob, reaching: Blob) -> bool:
     left, top = min(x0, a0), min(y0, b0)
     canvas = np.ones((max(y1, b1) - top, max(x1, a1) - left), dtype=np.uint8)
     canvas[b0 - top : b1 - top, a0 - left : a1 - left] -= reaching.mask
-    away = depth_within(canvas, False)
+    away = depth_of(canvas, outside=False)
     distance = away[y0 - top : y1 - top, x0 - left : x1 - left]
     return bool(distance[blob.mask > 0].min() <= reach)

@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iris_sysid.io.kernels import kernel
-from iris_sysid.types import Array
 from trackers._detection.connected import filled_about
-from trackers._detection.small_images import STRAIGHT, UNREACHED, chamfer, depth_within
+from trackers._detection.small_images import chamfer, stretched
 from trackers._frames.arrays import Bytes, Flags, Image
 
+FINER_SMALL, FINER_LARGE = 4, 2  # how much finer than the pixels the half-way contour is drawn
+SMALL_WINDOW = 64  # px
 CORD_SHARE = 0.2  # of the inscribed radius: a thinner part is a cord
 MIN_STREAK_DEPTH = 5.0  # px, half the thickness of a body whose outline may be wide in some directions
 MAX_HALF_WIDTH = 0.6  # of half the thickness of a body: half the width of the most blurred outline
@@ -24,7 +25,6 @@ MIN_HALF_WIDTH = 0.75  # px, half the width of the sharpest outline: half a pixe
 QUARTER = 0.25  # px from one ring about the outline to the next
 RING_QUARTERS = 3  # of a px, width of a ring
 HALF = np.float32(0.5)  # coverage on the outline
-NEVER = 9.0  # px: farther than any place beside the contour
 # largest half widths, and px, from the outline: the half width is computed only for nearer pixels
 FAR_WIDTHS, FAR = 1.5, 4.0
 
@@ -52,103 +52,73 @@ def outline(share: Image, heart: Flags, axes: int) -> tuple[Image, Image]:
 
 @kernel(nogil=True)
 def _signed_distance(share: Image, heart: Flags) -> Image:
-    """Distance in px of each pixel's centre to the half-way contour round the heart, positive inside.
-
-    Where the contour lies between two neighbours follows from their coverage, linear between them.
-    """
+    """Distance in px of each pixel's centre to the half-way contour round the heart, positive inside."""
     height, width = share.shape
-    solid, seed = np.empty((height, width), dtype=np.float32), np.empty((height, width), dtype=np.uint8)
-    part = np.empty((height, width), dtype=np.uint8)
+    finer = FINER_SMALL if max(height, width) < SMALL_WINDOW else FINER_LARGE
+    solid = np.empty((height, width, 1), dtype=np.float32)
     for y in range(height):
         for x in range(width):
-            solid[y, x], seed[y, x] = max(share[y, x], np.float32(heart[y, x])), heart[y, x]
-            part[y, x] = solid[y, x] > HALF
-    body = _without_cords(filled_about(part, seed))
-    distance = chamfer(_beside_contour(solid, body), False)
+            solid[y, x, 0] = max(share[y, x], np.float32(heart[y, x]))
+    fine = stretched(solid, height * finer, width * finer)
+    top, stop, left, end = _about_half(fine)
+    part = np.empty((stop - top, end - left), dtype=np.uint8)
+    seed = np.empty((stop - top, end - left), dtype=np.uint8)
+    for y in range(top, stop):
+        for x in range(left, end):
+            part[y - top, x - left] = fine[y, x, 0] > HALF
+            seed[y - top, x - left] = heart[y // finer, x // finer]
+    body, inside = _without_cords(filled_about(part, seed))
+    free = np.ones((height * finer, width * finer), dtype=np.uint8)
+    free[top:stop, left:end] -= body
+    return _in_pixels(inside, chamfer(free, False), (top, left), finer)
+
+
+@kernel(nogil=True)
+def _about_half(fine: Image) -> tuple[int, int, int, int]:
+    """First and last row, first and last column (both last exclusive) of pixels (h, w, 1) above one half; one more."""
+    height, width, _ = fine.shape
+    top, stop, left, end = height, 0, width, 0
     for y in range(height):
         for x in range(width):
-            if not body[y, x]:
-                distance[y, x] = -distance[y, x]
-    return distance
+            if fine[y, x, 0] > HALF:
+                top, stop, left, end = min(top, y), y + 1, min(left, x), max(end, x + 1)
+    return max(0, top - 1), min(height, stop + 1), max(0, left - 1), min(width, end + 1)
 
 
 @kernel(nogil=True)
-def _beside_contour(solid: Image, body: Bytes) -> NDArray[np.int32]:
-    """Distance (h, w), 1e-4 px, to the contour of a body of the pixels at it or beside it; others are unreached."""
-    height, width = solid.shape
-    near, start = np.full((height, width), NEVER), np.full((height, width), UNREACHED, dtype=np.int32)
-    for y in range(height):
-        for x in range(width):
-            left, right = body[y, max(x - 1, 0)], body[y, min(x + 1, width - 1)]
-            above, below = body[max(y - 1, 0), x], body[min(y + 1, height - 1), x]
-            if left + right + above + below != 4 * body[y, x]:
-                near[y, x] = _to_line(0.0, _crossing(solid, body, y, x, 0), 0.0, _crossing(solid, body, y, x, 1))
-    for y in range(height):
-        for x in range(width):
-            around = min(near[y, max(x - 1, 0)], near[y, min(x + 1, width - 1)])
-            around = min(around, near[max(y - 1, 0), x], near[min(y + 1, height - 1), x], near[y, x])
-            if around < NEVER:
-                start[y, x] = int(STRAIGHT * _by_neighbours(solid, body, near, y, x))
-    return start
-
-
-@kernel(nogil=True)
-def _by_neighbours(solid: Image, body: Bytes, near: Array, y: int, x: int) -> float:
-    """Distance, px, of a pixel to the contour, which it is at or beside: from its crossings, or ``near``, by each axis.
-
-    ``near`` (h, w) are distances, px, of the pixels at the contour.
-    """
-    across, down = _crossing(solid, body, y, x, 0), _crossing(solid, body, y, x, 1)
-    beside = above = 0.0
-    if across >= NEVER:
-        across, beside = 1.0, min(near[y, max(x - 1, 0)], near[y, min(x + 1, near.shape[1] - 1)])
-    if down >= NEVER:
-        down, above = 1.0, min(near[max(y - 1, 0), x], near[min(y + 1, near.shape[0] - 1), x])
-    return _to_line(beside, across, above, down)
-
-
-@kernel(nogil=True)
-def _to_line(beside: float, across: float, above: float, down: float) -> float:
-    """Distance, px, to a line that is ``beside`` and ``above`` px from places ``across`` and ``down`` px away.
-
-    Both hold in a plane wave's equation, ((d - beside) / across)^2 + ((d - above) / down)^2 = 1; one that leads farther
-    than the other place is not used.
-    """
-    p, q = across**-2, down**-2
-    rest = p + q - p * q * (beside - above) ** 2
-    distance = (p * beside + q * above + math.sqrt(max(rest, 0.0))) / (p + q)
-    alone = min(beside + across, above + down)
-    return distance if rest > 0 and distance > max(beside, above) and max(across, down) < NEVER else alone
-
-
-@kernel(nogil=True)
-def _crossing(solid: Image, body: Bytes, y: int, x: int, axis: int) -> float:
-    """How far the contour is from a pixel on the way to a neighbour in a row (0) or column (1), px, or ``NEVER``."""
-    nearest = NEVER
-    for step in (-1, 1):
-        row, column = y + step * axis, x + step * (1 - axis)
-        inside = 0 <= row < body.shape[0] and 0 <= column < body.shape[1]
-        if inside and body[row, column] != body[y, x]:
-            here, there = float(solid[y, x]) - 0.5, float(solid[row, column]) - 0.5
-            # else a cut part, or a filled hole
-            nearest = min(nearest, max(here / (here - there), 1e-3) if here * there < 0 else 0.5)
-    return nearest
-
-
-@kernel(nogil=True)
-def _without_cords(mask: Bytes) -> Bytes:
-    """The mask without parts thinner than a share of its thickness, its outline elsewhere as it was."""
-    depth = depth_within(mask, False)
+def _without_cords(mask: Bytes) -> tuple[Bytes, Image]:
+    """The mask without parts thinner than a share of its thickness, its outline elsewhere as it was; its depth, px."""
+    depth = chamfer(mask, False)
     cord = np.float32(CORD_SHARE * depth.max())
     thin = np.empty(mask.shape, dtype=np.uint8)
     for y in range(mask.shape[0]):
         for x in range(mask.shape[1]):
             thin[y, x] = depth[y, x] < cord
-    away, stout = depth_within(thin, False), np.zeros(mask.shape, dtype=np.uint8)
+    away, stout, left_out = chamfer(thin, False), mask.copy(), 0
     for y in range(mask.shape[0]):
         for x in range(mask.shape[1]):
-            stout[y, x] = mask[y, x] and away[y, x] < cord + HALF
-    return stout
+            if mask[y, x] and away[y, x] >= cord + np.float32(1):
+                stout[y, x] = 0
+                left_out += 1
+    return (stout, chamfer(stout, False)) if left_out else (mask, depth)
+
+
+@kernel(nogil=True)
+def _in_pixels(inside: Image, outside: Image, corner: tuple[int, int], finer: int) -> Image:
+    """Signed distance (h, w), px, from distances at ``finer`` pixels; those inside are a window at ``corner``."""
+    height, width = outside.shape[0] // finer, outside.shape[1] // finer
+    top, left = corner
+    signed = np.float32(0.5) - outside
+    for row in range(inside.shape[0]):
+        for column in range(inside.shape[1]):
+            if inside[row, column] > 0:
+                signed[row + top, column + left] = inside[row, column] - np.float32(0.5)
+    distance = np.zeros((height, width), dtype=np.float32)
+    for row in range(height * finer):
+        for column in range(width):
+            for place in range(column * finer, column * finer + finer):
+                distance[row // finer, column] += signed[row, place]
+    return distance * np.float32(1.0 / finer**3)
 
 
 @kernel(nogil=True)

@@ -120,17 +120,17 @@ class SearchWindows:
         return parts, blobs_of((part for found_components in parts.values() for part in found_components), self._shape)
 
     def _components(self, frame: Frame, box: Box, colour_mask: Flags | None = None) -> list[ConnectedComponent]:
-        parts_in = partial(self._parts_in, frame, colour_mask=colour_mask)
-        if box != self._whole:
-            found = parts_in(box)
-        elif colour_mask is None and self.plane_limits is not None:
-            found = list(whole_parts(parts_in, self.plane_limits.windows(frame), box[2:]))
-        else:
-            found = list(components(self.background_range, self.view.search_image(frame), colour_mask))
-        return found if self.sparse_range is None else [stout(component) for component in found]
+        if box == self._whole and colour_mask is None and self.plane_limits is not None:
+            return list(whole_parts(partial(self._parts_in, frame), self.plane_limits.windows(frame), box[2:]))
+        image = self.view.part(frame, box, self.view.step)
+        moved = (
+            component.moved(box[0], box[1])
+            for component in components(self.background_range.part(box), image, colour_mask)
+        )
+        return list(moved if self.sparse_range is None else map(stout, moved))
 
-    def _parts_in(self, frame: Frame, box: Box, colour_mask: Flags | None) -> list[ConnectedComponent]:
-        return parts_of(self.background_range, self.view.part(frame, box, self.view.step), box, colour_mask)
+    def _parts_in(self, frame: Frame, box: Box) -> list[ConnectedComponent]:
+        return parts_of(self.background_range, self.view.part(frame, box, self.view.step), box)
 
     @property
     def _shape(self) -> tuple[int, ...]:

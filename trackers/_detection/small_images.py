@@ -6,11 +6,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from iris_sysid.io.kernels import kernel
 from trackers._frames.arrays import Bytes, Image
 
+COARSE = 3.0  # px of the reduced image: the standard deviation of a blur that is made at a reduced size
+BEYOND = 4.0  # standard deviations up to which a blur reaches
 # 1e-4 px, steps of a distance: to the next pixel, along a diagonal, like a knight's (G. Borgefors 1986, Comput. Vis.
 # Graph. Image Process. 34, 344)
 STRAIGHT, DIAGONAL, KNIGHT = np.int32(10000), np.int32(14000), np.int32(21969)
@@ -18,54 +19,40 @@ UNREACHED = 2**29  # distance of a pixel that no path has reached yet
 
 
 @kernel(nogil=True)
-def depth_within(mask: Bytes, outside: bool) -> Image:
+def chamfer(mask: Bytes, outside: bool) -> Image:
     """Distance (h, w), px, of each pixel to the nearest that is 0, within 2 %; as by a mask of 5 x 5 in OpenCV.
 
     ``outside`` says that pixels outside of the mask are 0; if not, they do not count.
     """
-    start = np.zeros(mask.shape, dtype=np.int32)
-    for y in range(mask.shape[0]):
-        for x in range(mask.shape[1]):
-            if mask[y, x]:
-                start[y, x] = UNREACHED
-    return chamfer(start, outside)
-
-
-@kernel(nogil=True)
-def chamfer(start: NDArray[np.int32], outside: bool) -> Image:
-    """The least of each pixel's own distance and those of the others by way of them: (h, w), px, within 2 %.
-
-    ``start`` (h, w), 1e-4 px, are their own distances; those outside are 0 or do not count.
-    """
-    height, width = start.shape
+    height, width = mask.shape
     steps = np.full((height + 4, width + 4), 0 if outside else UNREACHED, dtype=np.int32)
     by_rows, depth = np.empty(width, dtype=np.int32), np.empty((height, width), dtype=np.float32)
     for y in range(2, height + 2):
-        _by_rows(by_rows, steps[y - 2], steps[y - 1], start[y - 2])
+        _by_rows(by_rows, steps[y - 2], steps[y - 1], mask[y - 2])
         here, least = steps[y, 2 : width + 2], steps[y, 1]
         for x in range(width):
             least = min(least + STRAIGHT, by_rows[x])
             here[x] = least
     for y in range(height + 1, 1, -1):
-        _by_rows(by_rows, steps[y + 2], steps[y + 1], steps[y, 2 : width + 2])
+        _by_rows(by_rows, steps[y + 2], steps[y + 1], mask[y - 2])
         here, least = steps[y, 2 : width + 2], steps[y, width + 2]
         for x in range(width - 1, -1, -1):
-            least = min(least + STRAIGHT, by_rows[x])
+            least = min(least + STRAIGHT, min(by_rows[x], here[x]))
             here[x] = least
             depth[y - 2, x] = np.float32(1e-4) * np.float32(least)
     return depth
 
 
 @kernel(nogil=True)
-def _by_rows(least: np.ndarray, two: np.ndarray, one: np.ndarray, known: np.ndarray) -> None:
-    """Set the least of the ``known`` distances (n,) and those by way of the next two rows (n + 4)."""
+def _by_rows(least: np.ndarray, two: np.ndarray, one: np.ndarray, mask: Bytes) -> None:
+    """Set the least distances (n,) by way of the next two rows (n + 4), from two pixels before; off the mask 0."""
     width = least.size
     knights = two[1 : width + 1], two[3 : width + 3], one[:width], one[4 : width + 4]
     before, beside, after = one[1 : width + 1], one[2 : width + 2], one[3 : width + 3]
     for x in range(width):
         knight = min(min(knights[0][x], knights[1][x]), min(knights[2][x], knights[3][x])) + KNIGHT
         step = min(min(before[x], after[x]) + DIAGONAL, beside[x] + STRAIGHT)
-        least[x] = min(known[x], min(knight, step))
+        least[x] = min(knight, step) if mask[x] else 0
 
 
 @kernel(nogil=True)
@@ -91,6 +78,20 @@ def _join(into: Bytes, of: Bytes) -> None:
 
 
 @kernel(nogil=True)
+def _add(into: Image, weight: np.float32, of: Image) -> None:
+    """Add a multiple of one row (n,) to another."""
+    for x in range(into.size):
+        into[x] += weight * of[x]
+
+
+@kernel(nogil=True)
+def _add_both(into: Image, weight: np.float32, of: Image, other: Image) -> None:
+    """Add a multiple of two rows (n,) to another."""
+    for x in range(into.size):
+        into[x] += weight * (of[x] + other[x])
+
+
+@kernel(nogil=True)
 def opened(mask: Bytes) -> Bytes:
     """A mask (h, w) without parts thinner than 3 px; pixels outside of it do not count."""
     return dilated(1 - dilated(1 - mask, 1), 1)
@@ -108,35 +109,98 @@ def mirrored(place: int, size: int) -> int:
 
 @kernel(nogil=True)
 def blurred(image: Image, sigma: float) -> Image:
-    """Image (h, w, channels) after a blur of about that standard deviation, px; outside of it is 0.
-
-    It is three sliding means each way, nearly a Gaussian (W. M. Wells, IEEE Trans. Pattern Anal. Mach. Intell. 8 (1986)
-    234): their time does not grow with ``sigma``.
-    """
-    height, width, channels = image.shape
-    reach = max(1, int(np.rint((math.sqrt(4 * sigma**2 + 1) - 1) / 2)))
-    down = _slid(image.reshape((height, width * channels)), reach).reshape((height, width, channels))
-    turned = np.ascontiguousarray(down.transpose((1, 0, 2))).reshape((width, height * channels))
-    across = _slid(turned, reach).reshape((width, height, channels))
-    return np.ascontiguousarray(across.transpose((1, 0, 2)))
+    """Image (h, w, channels) after a Gaussian blur of that standard deviation, px; a wide one at a reduced size."""
+    height, width, _ = image.shape
+    factor = max(1, int(sigma / COARSE))
+    if factor == 1:
+        return gaussian(image, sigma, sigma)
+    rows, columns = -(-height // factor), -(-width // factor)
+    small = shrunk(image, rows, columns)
+    return stretched(gaussian(small, sigma * columns / width, sigma * rows / height), height, width)
 
 
 @kernel(nogil=True)
-def _slid(image: Image, reach: int) -> Image:
-    """Image (h, n) after three means over ``reach`` rows on either side."""
-    height, size = image.shape
-    scale, none = np.float32(1 / (2 * reach + 1)), np.zeros(size, dtype=np.float32)
-    for _ in range(3):
-        soft, total = np.empty((height, size), dtype=np.float32), np.zeros(size, dtype=np.float32)
-        for y in range(-reach, height):
-            enter = image[y + reach] if y + reach < height else none
-            leave = image[y - reach - 1] if y > reach else none
-            mean = soft[max(y, 0)]
-            for k in range(size):
-                total[k] += enter[k] - leave[k]
-                mean[k] = total[k] * scale
-        image = soft
-    return image
+def gaussian(image: Image, across: float, down: float) -> Image:
+    """Image (h, w, channels) after a Gaussian blur of those standard deviations, px, its borders mirrored."""
+    height, width, channels = image.shape
+    weights = _bell(across)
+    reach = weights.size // 2
+    size = width * channels
+    wide = np.zeros((height, size), dtype=np.float32)
+    row = np.empty((width + 2 * reach) * channels, dtype=np.float32)
+    for y in range(height):
+        for x in range(-reach, width + reach):
+            for c in range(channels):
+                row[(x + reach) * channels + c] = image[y, mirrored(x, width), c]
+        for k in range(reach):
+            before, after = k * channels, (2 * reach - k) * channels
+            _add_both(wide[y], weights[k], row[before : before + size], row[after : after + size])
+        _add(wide[y], weights[reach], row[reach * channels : reach * channels + size])
+    weights = _bell(down)
+    reach = weights.size // 2
+    soft = np.zeros((height, size), dtype=np.float32)
+    for y in range(height):
+        for k in range(reach):
+            above, below = mirrored(y + k - reach, height), mirrored(y + reach - k, height)
+            _add_both(soft[y], weights[k], wide[above], wide[below])
+        _add(soft[y], weights[reach], wide[y])
+    return soft.reshape((height, width, channels))
+
+
+@kernel(nogil=True)
+def _bell(sigma: float) -> Image:
+    """Weights (n,) of a Gaussian blur of that standard deviation, px."""
+    reach = int(np.rint(BEYOND * sigma * 2 + 1)) // 2
+    weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
+    return (weights / weights.sum()).astype(np.float32)
+
+
+@kernel(nogil=True)
+def shrunk(image: Image, rows: int, columns: int) -> Image:
+    """A smaller image (rows, columns, channels), each pixel the mean of what it stands for."""
+    height, width, channels = image.shape
+    low = np.zeros((rows, width * channels), dtype=np.float32)
+    flat = image.reshape((height, width * channels))
+    for y in range(rows):
+        first, stop = y * height / rows, (y + 1) * height / rows
+        for row in range(int(first), min(height, math.ceil(stop - 1e-3))):
+            weight = np.float32((min(stop, row + 1) - max(first, row)) * rows / height)
+            _add(low[y], weight, flat[row])
+    small = np.zeros((rows, columns, channels), dtype=np.float32)
+    for x in range(columns):
+        first, stop = x * width / columns, (x + 1) * width / columns
+        for column in range(int(first), min(width, math.ceil(stop - 1e-3))):
+            weight = np.float32((min(stop, column + 1) - max(first, column)) * columns / width)
+            for y in range(rows):
+                for c in range(channels):
+                    small[y, x, c] += weight * low[y, column * channels + c]
+    return small
+
+
+@kernel(nogil=True)
+def stretched(image: Image, rows: int, columns: int) -> Image:
+    """A larger image (rows, columns, channels), between the pixels linear."""
+    height, width, channels = image.shape
+    wide = np.empty((height, columns * channels), dtype=np.float32)
+    for x in range(columns):
+        left, part = _between(x, columns, width)
+        for y in range(height):
+            for c in range(channels):
+                first, second = image[y, left, c], image[y, min(left + 1, width - 1), c]
+                wide[y, x * channels + c] = first + part * (second - first)
+    large = np.zeros((rows, columns * channels), dtype=np.float32)
+    for y in range(rows):
+        upper, part = _between(y, rows, height)
+        _add(large[y], np.float32(1) - part, wide[upper])
+        _add(large[y], part, wide[min(upper + 1, height - 1)])
+    return large.reshape((rows, columns, channels))
+
+
+@kernel(nogil=True)
+def _between(place: int, size: int, smaller: int) -> tuple[int, np.float32]:
+    """The pixel of a smaller row left of the middle of one in a larger, and how far on it is to the next, 0 to 1."""
+    at = min(max((place + 0.5) * smaller / size - 0.5, 0.0), smaller - 1.0)
+    return int(at), np.float32(at - int(at))
 
 
 @kernel(nogil=True)

@@ -12,7 +12,7 @@ from iris_sysid.types import Array
 from trackers._detection.connected import filled_about
 from trackers._detection.coverage_kernels import Planes
 from trackers._detection.foreground import CONTRAST_SHARES, WEAK_SIGMAS
-from trackers._detection.small_images import depth_within, dilated, mirrored, opened, quantile
+from trackers._detection.small_images import chamfer, dilated, mirrored, opened, quantile
 from trackers._frames.arrays import Bytes, Image
 
 RING = 4  # px from the body to the ring in which the background's level is compared
@@ -159,7 +159,7 @@ def _mean_about(image: Image, y: int, x: int, channel: int) -> np.float32:
 def _without(mask: Bytes, shaded: Bytes) -> Bytes:
     """A mask without the shadow that hangs on the body; as it is where that makes it no rounder: a grey body."""
     body = opened(mask & (1 - shaded))
-    depth = depth_within(body, True)
+    depth = chamfer(body, True)
     body = filled_about(body, (depth > CORE_DEPTH * depth.max()).astype(np.uint8))
     return body if _roundness(body) > ROUNDER * _roundness(mask) else mask
 
@@ -167,7 +167,7 @@ def _without(mask: Bytes, shaded: Bytes) -> Bytes:
 @kernel(nogil=True)
 def _roundness(mask: Bytes) -> float:
     """Share of a mask that its largest inscribed disc covers; 0 when it is empty."""
-    return math.pi * depth_within(mask, True).max() ** 2 / max(1, mask.sum())
+    return math.pi * chamfer(mask, True).max() ** 2 / max(1, mask.sum())
 
 
 @kernel(nogil=True)

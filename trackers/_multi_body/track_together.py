@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from iris_sysid.errors import TrackingError
 from iris_sysid.types import Array, Frame, FrameSource, TrackOptions, with_progress
+from trackers._detection.depth import depth_of
 from trackers._detection.detect_frames import REPORT_EVERY, DetectionSetup, detection_setup
 from trackers._detection.detection import MIN_INSCRIBED, Detection, FrameDetections, touches
 from trackers._detection.foreground import MIN_AREA, SQUARE, Blob
-from trackers._detection.small_images import depth_within
 from trackers._detection.subpixel_centroid import Centre
 from trackers._frames.ahead import ahead
 from trackers._frames.arrays import Bytes
@@ -203,7 +203,7 @@ def core_of(pixels: CoveredPixels, assignment: FrameAssignment, body: int) -> Bl
     largest = 1 + int(stats[1:count, cv2.CC_STAT_AREA].argmax())
     x, y, columns, rows, area = (int(value) for value in stats[largest])
     piece = (labels[y : y + rows, x : x + columns] == largest).astype(np.uint8)
-    inscribed = float(depth_within(piece, True).max())
+    inscribed = float(depth_of(piece).max())
     if area < MIN_AREA or inscribed < MIN_INSCRIBED:
         return None
     box = (int(left) + x, int(top) + y, int(left) + x + columns, int(top) + y + rows)
