@@ -228,14 +228,15 @@ class EffectSearch:
     def beside(self, found: ModelWithEffects, certain: Collection[str]) -> ModelWithEffects:
         """The model with formulas beside what imitates anything and is named for itself, where that predicts better.
 
-        A large one that is found late hid the others. Beside one that only fits, a formula would make up for its form.
+        A large one that is found late hid the others. Beside one that only fits, or whose shape is fitted, a formula
+        would make up for its form.
 
         Parameters
         ----------
         found
             Where the search ended.
         certain
-            Names of its effects that imitate anything and are named.
+            Names of its effects that imitate anything, of one form, and are named.
         """
         kept = [each for each in found.effects if not each.absorbs or each.name in certain]
         start = self._cache.with_effects(kept, starts_of(found, kept))

@@ -77,8 +77,9 @@ class OpenWorld:
     def searched(self) -> ModelWithEffects:
         """The model with the effects that improve the prediction of blocks left out."""
         found = self._search.run() if self.shares.testable else self._cache.base
-        certain = () if found.explains else self._named_absorbing(found)
-        return self._search.beside(found, certain) if certain else found
+        named = () if found.explains else self._named_absorbing(found)
+        fixed = {effect.name for effect in found.effects if effect.name in named and effect.has_fixed_form}
+        return self._search.beside(found, fixed) if fixed else found
 
     def judged(self, current: ModelWithEffects) -> Judgement:
         """What each effect of a model is that was searched for."""

@@ -329,10 +329,14 @@ class Effect(Portable):
         return located and self.nearby is not None
 
     @property
+    def has_fixed_form(self) -> bool:
+        """Whether only its size is fitted, perhaps with a moment that is chosen: no wrong form is to be made up for."""
+        return sum(not parameter.constant for parameter in self.parameters) == 1
+
+    @property
     def is_flexible(self) -> bool:
         """Whether its shape can imitate a piece of anything; what has only a size is one curve, as a formula is."""
-        fitted = [parameter for parameter in self.parameters if not parameter.constant]
-        return self.absorbs and (len(fitted) > 1 or self.is_placed)
+        return self.absorbs and (self.is_placed or not self.has_fixed_form)
 
     def factor(self, body: Mapping[str, float]) -> float | None:
         """The factor on the size with another body, from those on its mass, radius or cord; None where not known."""

@@ -272,3 +272,13 @@ def test_one_curve_counts_without_what_can_imitate_it_as_well(monkeypatch, name,
     contexts = shares.contexts(model, effect)
     assert len(contexts) == counted
     assert contexts[-1].effects == ((effect,) if counted == 2 else model.effects)
+
+
+@pytest.mark.parametrize(("named", "beside"), [("dropped-frame", True), ("parameter-drift", True), ("impact", False)])
+def test_formulas_are_tried_only_beside_what_has_one_form(monkeypatch, named, beside):
+    world = OpenWorld.__new__(OpenWorld)
+    found = SimpleNamespace(effects=(EFFECTS[named], EFFECTS["zero-wander"]), explains=False)
+    world.shares = SimpleNamespace(testable=True)
+    world._search = SimpleNamespace(run=lambda: found, beside=lambda model, names: sorted(names))
+    monkeypatch.setattr(world, "_named_absorbing", lambda model: {named, "zero-wander"})
+    assert world.searched() == ([named] if beside else found)
