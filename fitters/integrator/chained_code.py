@@ -8,19 +8,18 @@ from __future__ import annotations
 
 from typing import Any
 
-import llvmlite.binding as llvm
 from llvmlite import ir
 from numba.core.registry import cpu_target
-from numba.core.types import WrapperAddressProtocol
 
 from fitters.integrator.dormand_prince import COLUMNS_SIGNATURE
+from fitters.integrator.machine_code import NativeColumns, engine_with
 
 NAME = "chained"
 DATA, SHAPE = 4, 5  # of numba's arrays, where their first number and their lengths are
 
 
-class ChainedColumns(WrapperAddressProtocol):
-    """Machine code that calls that of a base, then that of a step; numba calls it by its address.
+class ChainedColumns(NativeColumns):
+    """Machine code that calls that of a base, then that of a step.
 
     Parameters
     ----------
@@ -32,23 +31,12 @@ class ChainedColumns(WrapperAddressProtocol):
 
     def __init__(self, base: Any, step: Any, first: int) -> None:
         self._parts = base, step  # own the code that is called
-        target = llvm.Target.from_default_triple().create_target_machine(jit=True)
-        module = llvm.parse_assembly(_source(_address(base), _address(step), first))
-        self._engine = llvm.create_mcjit_compiler(module, target)
-        self._engine.finalize_object()
-        self._address = int(self._engine.get_function_address(NAME))
-
-    def __wrapper_address__(self) -> int:
-        return self._address
-
-    def signature(self) -> Any:
-        """The one signature that all these functions have."""
-        return COLUMNS_SIGNATURE
+        super().__init__(engine_with(_source(_address(base), _address(step), first)), NAME)
 
 
 def _address(columns: Any) -> int:
     """Where compiled code begins: of numba, of the cache, or of a chain."""
-    known = columns.__wrapper_address__() if isinstance(columns, WrapperAddressProtocol) else columns.address
+    known = columns.__wrapper_address__() if isinstance(columns, NativeColumns) else columns.address
     return int(known)
 
 

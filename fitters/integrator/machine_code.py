@@ -39,13 +39,19 @@ class NoFingerprintError(Exception):
     """A function uses an object without a fingerprint that is the same in every process."""
 
 
-class LoadedFunction(WrapperAddressProtocol):
-    """Machine code loaded from the cache; numba calls it by its address."""
+class NativeColumns(WrapperAddressProtocol):
+    """Machine code that numba calls by its address.
 
-    def __init__(self, code: bytes, symbol: str) -> None:
-        target = llvm.Target.from_default_triple().create_target_machine(jit=True)
-        self._engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), target)  # owns the code
-        self._engine.add_object_file(llvm.ObjectFileRef.from_data(code))
+    Parameters
+    ----------
+    engine
+        Holds the code, from :func:`engine_with`; it lives as long as this.
+    symbol
+        Name of the function in it.
+    """
+
+    def __init__(self, engine: llvm.ExecutionEngine, symbol: str) -> None:
+        self._engine = engine
         self._engine.finalize_object()
         self._address = int(self._engine.get_function_address(symbol))
         if not self._address:
@@ -57,6 +63,21 @@ class LoadedFunction(WrapperAddressProtocol):
     def signature(self) -> Any:
         """The one signature that all these functions have."""
         return COLUMNS_SIGNATURE
+
+
+def engine_with(source: str) -> llvm.ExecutionEngine:
+    """An engine with code in LLVM's intermediate form, for this processor; empty: none yet."""
+    target = llvm.Target.from_default_triple().create_target_machine(jit=True)
+    return llvm.create_mcjit_compiler(llvm.parse_assembly(source), target)
+
+
+class LoadedFunction(NativeColumns):
+    """Machine code loaded from the cache."""
+
+    def __init__(self, code: bytes, symbol: str) -> None:
+        engine = engine_with("")
+        engine.add_object_file(llvm.ObjectFileRef.from_data(code))
+        super().__init__(engine, symbol)
 
 
 def compiled_columns(function: Callable[..., Any], *, catches: bool = False) -> Any:
@@ -88,9 +109,10 @@ def compiled_columns(function: Callable[..., Any], *, catches: bool = False) -> 
 def can_raise(columns: Any) -> bool:
     """Whether machine code can raise an exception: it then holds what would be unpickled to make one.
 
-    Code out of the cache cannot, because what can is not kept there unless it catches its exceptions.
+    Code out of the cache cannot, because what can is not kept there unless it catches its exceptions; nor can a chain
+    of such code.
     """
-    return not isinstance(columns, LoadedFunction) and _holds_exceptions(columns)
+    return not isinstance(columns, NativeColumns) and _holds_exceptions(columns)
 
 
 def _holds_exceptions(made: Any) -> bool:

@@ -13,7 +13,7 @@ from iris_sysid.diagnosis.held_out_blocks import ALIKE, wins
 from iris_sysid.diagnosis.refit import ModelWithEffects
 from iris_sysid.types import Effect
 
-EVEN = 0.5  # share of block bootstraps in which a named effect must predict better than what can imitate anything
+EVEN = 0.5  # share of block bootstraps in which a named effect must predict better than a flexible rival
 RIVALS = 3  # of an effect that are refitted
 MAIN_SHARE = 0.75  # of the residual's squares to be explained where the rest could be the same in another form
 AS_WELL = 0.9  # of what an effect explains: on a motion that never turns, one that explains this share is as good
@@ -103,9 +103,10 @@ class Rivals:
     def as_good_alone(self, model: ModelWithEffects, effect: Effect, *, sure: bool) -> list[str]:
         """Effects that alone explain about as much as one does alone, where that is most of the residual.
 
-        What can imitate anything must explain more. Where the size of the noise is known, a likelihood tells effects
-        apart, but not what imitates anything from formulas. On a motion that never turns, a force or a reading that
-        depends on anything is a function of the time: each effect is tried, and is as good as a component would be.
+        What can imitate anything by its shape must explain more. Where the size of the noise is known, a likelihood
+        tells effects apart, but not what imitates anything from formulas. On a motion that never turns, a force or a
+        reading that depends on anything is a function of the time: each effect is tried, and is as good as a component
+        would be.
         """
         base, removed = self._cache.base.squares, self._shares.alone(model, effect)
         if self._support.never_turns and not sure:
