@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from iris_sysid.types import Component, ComponentKind, Components, Effect
 
 EVIDENT_SHARE = 0.2  # of the residual without noise, that a component is which stands for what imitates anything
@@ -36,21 +38,21 @@ class ComponentSupport:
         """The components of the residual, and those that can take their place."""
         return {kind for part in self.parts for kind in (part.kind, *part.similar)}
 
-    def _large(self, of_range: bool) -> list[tuple[ComponentKind, ...]]:
-        """The kinds of each component that is, or by its range can be, a good part of the residual without noise.
+    def _large(self, of_range: bool) -> list[Component]:
+        """The components that are, or by their range can be, a good part of the residual without noise.
 
         What can take the place of a component counts only where its share itself is large.
         """
         least = EVIDENT_SHARE * sum(part.share for part in self.parts)
         return [
-            (part.kind, *part.similar) if part.share >= least else (part.kind,)
+            part if part.share >= least else replace(part, similar=())
             for part in self.parts
             if part.share >= least or (of_range and part.share_range[1] >= least)
         ]
 
     def evidence(self, effect: Effect) -> frozenset[ComponentKind]:
         """The components that are, or can be, a good part of the residual and that an effect can be the cause of."""
-        return frozenset(kinds[0] for kinds in self._large(of_range=True) if effect.component in kinds)
+        return frozenset(part.kind for part in self._large(of_range=True) if can_cause(effect, part))
 
     @property
     def never_turns(self) -> bool:
@@ -72,5 +74,15 @@ class ComponentSupport:
             return False
         if self._components is None:
             return True
-        kinds = {kind for each in self._large(of_range) for kind in each} if effect.absorbs else self.kinds
-        return bool(kinds) and (effect.component in kinds or not self._components.turns)
+        parts = self._large(of_range) if effect.absorbs else self.parts
+        return any(can_cause(effect, part) for part in parts) or (bool(parts) and not self._components.turns)
+
+
+def can_cause(effect: Effect, part: Component) -> bool:
+    """Whether an effect can be the cause of a component: it is of its kind, or of one that can take its place.
+
+    What depends on the state as a law does is no evidence of what can imitate a piece of anything.
+    """
+    if part.kind == effect.component:
+        return True
+    return effect.component in part.similar and not (effect.is_flexible and part.is_of_state)

@@ -11,7 +11,7 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
-from iris_sysid.diagnosis.component_support import ComponentSupport
+from iris_sysid.diagnosis.component_support import ComponentSupport, can_cause
 from iris_sysid.diagnosis.contributions import Contributions, is_surely_better, removed_share, starts_of
 from iris_sysid.diagnosis.fit_cache import FitCache
 from iris_sysid.diagnosis.held_out_blocks import ALIKE, MIN_SHARE, SURE
@@ -187,7 +187,8 @@ class EffectSearch:
             return current
         several = current.effects if len(current.effects) > 1 else ()
         singles = [self._cache.with_effects([effect], starts_of(current, [effect])) for effect in several]
-        singles = [model for model in (*singles, *self._absorbing(self._cache.base)) if self._shares.allows(model)]
+        absorbing = self._absorbing(self._cache.base, instead=True)
+        singles = [model for model in (*singles, *absorbing) if self._shares.allows(model)]
         best = min(singles, key=lambda model: self._shares.estimate(model).score, default=current)
         if best is not current:
             least = ALIKE * self._shares.estimate(best).score
@@ -206,8 +207,7 @@ class EffectSearch:
         """Whether one effect is of the kind of the largest component, and explains nearly as much as several."""
         if not self._support.turns or not self._support.parts:
             return False
-        largest = self._support.parts[0]
-        if single.effects[0].component not in (largest.kind, *largest.similar):
+        if not can_cause(single.effects[0], self._support.parts[0]):
             return False
         least = (1.0 - MIN_SHARE) * removed_share(self._cache.base, several)
         return removed_share(self._cache.base, single) >= least
@@ -217,9 +217,10 @@ class EffectSearch:
         for _ in range(AT_ONCE):
             if current.at_noise:
                 break
-            rests = [self._cache.without(current, effect) for effect in current.effects]
-            contexts = [current, *(rest for rest in rests if rest.usable)]
-            found = self._best(current, [model for context in contexts for model in self._absorbing(context)])
+            models = self._absorbing(current)
+            for effect in current.effects:
+                models += self._absorbing(self._cache.without(current, effect), instead=not effect.absorbs)
+            found = self._best(current, models)
             if found is None:
                 break
             self.reached = current = found
@@ -246,10 +247,14 @@ class EffectSearch:
         self.reached = grown
         return grown
 
-    def _absorbing(self, context: ModelWithEffects) -> list[ModelWithEffects]:
-        """Refits of the best few effects that imitate anything."""
+    def _absorbing(self, context: ModelWithEffects, *, instead: bool = False) -> list[ModelWithEffects]:
+        """Refits of the best few effects that imitate anything; instead of a formula only what the components say."""
+        if not context.usable:
+            return []
         screening, names = self._cache.screening(context), self._testable(context, absorbs=True)
-        return [self._cache.with_added(context, screening.single(name)) for name in names[:ABSORBING]]
+        agrees, library = self._support.agrees, self._cache.library.by_name
+        chosen = [name for name in names[:ABSORBING] if not instead or agrees(library[name])]
+        return [self._cache.with_added(context, screening.single(name)) for name in chosen]
 
     def _pruned(self, current: ModelWithEffects) -> ModelWithEffects:
         """The model without the effects whose removal does not harm the prediction."""

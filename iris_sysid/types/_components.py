@@ -86,6 +86,11 @@ class Component:
         """Where it lies: in the forces, in the reading, in the clock, or in a measured input."""
         return SIDES[self.kind]
 
+    @property
+    def is_of_state(self) -> bool:
+        """Whether it depends on the velocity or the position, as a law does, and not on the time."""
+        return self.kind.endswith(("of-velocity", "of-position"))
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Components:
