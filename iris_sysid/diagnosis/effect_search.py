@@ -248,12 +248,12 @@ class EffectSearch:
         return grown
 
     def _absorbing(self, context: ModelWithEffects, *, instead: bool = False) -> list[ModelWithEffects]:
-        """Refits of the best few effects that imitate anything; instead of a formula only what the components say."""
+        """Refits of the best few effects that imitate anything; instead of a formula only what the components allow."""
         if not context.usable:
             return []
         screening, names = self._cache.screening(context), self._testable(context, absorbs=True)
-        agrees, library = self._support.agrees, self._cache.library.by_name
-        chosen = [name for name in names[:ABSORBING] if not instead or agrees(library[name])]
+        library, support = self._cache.library.by_name, self._support
+        chosen = [name for name in names[:ABSORBING] if not instead or support.agrees(library[name], of_range=True)]
         return [self._cache.with_added(context, screening.single(name)) for name in chosen]
 
     def _pruned(self, current: ModelWithEffects) -> ModelWithEffects:
