@@ -181,6 +181,48 @@ def test_one_component_is_evidence_of_one_effect_that_can_imitate_anything():
     assert named(Component("periodic-force", 0.4, (0.3, 0.5), 0.02, 1.0), own) == {"periodic-forcing", "zero-wander"}
 
 
+@pytest.mark.parametrize(
+    ("name", "component", "share", "agrees"),
+    [
+        ("periodic-forcing", "force-of-velocity", 0.9, False),  # a law of the state is no evidence of a sine
+        ("periodic-forcing", "clock", 0.9, True),
+        ("zero-wander", "force-of-time", 0.9, True),
+        ("quadratic-drag", "clock", 0.9, False),
+        ("periodic-forcing", "periodic-force", 0.1, False),
+    ],
+)
+def test_component_is_evidence_of_what_imitates_anything_only_if_it_depends_on_the_time(name, component, share, agrees):
+    kinds = ("periodic-force", "zero-wander") if name != "quadratic-drag" else ("own-force-drift",)
+    part = Component(component, share, (share, share), 0.02, 1.0, similar=kinds)
+    rest = Component("pulse", 0.95 - share, (0.0, 0.95 - share), 0.01, 1.0)
+    support = ComponentSupport(_parts(0.02, part, rest), False)
+    assert support.agrees(EFFECTS[name]) == agrees
+    assert bool(support.evidence(EFFECTS[name])) == agrees
+
+
+def test_law_of_the_state_is_evidence_of_a_formula_that_can_take_its_place():
+    part = Component("reading-of-position", 0.9, (0.8, 0.95), 0.02, 1.0, similar=("force-of-position",))
+    assert ComponentSupport(_parts(0.02, part), False).agrees(EFFECTS["cubic-stiffness"])
+
+
+@pytest.mark.parametrize(("component", "taken"), [("force-of-velocity", []), ("periodic-force", ["periodic-forcing"])])
+def test_formula_gives_way_only_to_what_the_components_allow(component, taken):
+    part = Component(component, 0.9, (0.8, 0.95), 0.02, 1.0, similar=("periodic-force",))
+    screening = SimpleNamespace(names=["periodic-forcing", "quadratic-drag"], single=lambda name: name)
+    cache = SimpleNamespace(
+        base=None,
+        library=SimpleNamespace(by_name=EFFECTS),
+        screening=lambda context: screening,
+        testable=lambda context: {"periodic-forcing", "quadratic-drag"},
+        with_added=lambda context, candidate: candidate,
+    )
+    search = EffectSearch(cache, None, ComponentSupport(_parts(0.02, part), False))
+    context = SimpleNamespace(usable=True)
+    assert search._absorbing(context, instead=True) == taken
+    assert search._absorbing(context) == ["periodic-forcing"]
+    assert search._absorbing(SimpleNamespace(usable=False)) == []
+
+
 def test_what_imitates_anything_is_not_the_main_effect_beside_a_formula_that_explains_nearly_all():
     turns = _parts(0.02, Component("periodic-force", 0.4, (0.3, 0.5), 0.02, 1.0))
 
