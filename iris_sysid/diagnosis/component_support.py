@@ -54,6 +54,10 @@ class ComponentSupport:
         """The components that are, or can be, a good part of the residual and that an effect can be the cause of."""
         return frozenset(part.kind for part in self._large(of_range=True) if can_cause(effect, part))
 
+    def is_largest(self, effect: Effect) -> bool:
+        """Whether the largest component depends on the state as a law does, and an effect is of its kind."""
+        return any(part.is_of_state and part.kind == effect.component for part in self.parts[:1])
+
     @property
     def never_turns(self) -> bool:
         """Whether the motion is known to run one way only: there the components cannot tell forces from readings."""

@@ -180,14 +180,16 @@ class EffectSearch:
     def _in_one(self, current: ModelWithEffects) -> ModelWithEffects:
         """One effect in the place of several, where these do not surely predict better.
 
-        One of the kind of the largest component also takes their place if they explain little more. Of those about as
-        good, one with a formula comes before what imitates anything.
+        A formula of the kind of the largest component gives way only to what the components allow; as the only one, it
+        also takes their place if they explain little more. Of those about as good, one with a formula comes before what
+        imitates anything.
         """
         if not current.effects:
             return current
         several = current.effects if len(current.effects) > 1 else ()
         singles = [self._cache.with_effects([effect], starts_of(current, [effect])) for effect in several]
-        absorbing = self._absorbing(self._cache.base, instead=True)
+        is_law = any(self._support.is_largest(effect) for effect in current.effects)
+        absorbing = self._absorbing(self._cache.base, allowed=is_law)
         singles = [model for model in (*singles, *absorbing) if self._shares.allows(model)]
         best = min(singles, key=lambda model: self._shares.estimate(model).score, default=current)
         if best is not current:
@@ -219,7 +221,8 @@ class EffectSearch:
                 break
             models = self._absorbing(current)
             for effect in current.effects:
-                models += self._absorbing(self._cache.without(current, effect), instead=not effect.absorbs)
+                is_law = self._support.is_largest(effect)
+                models += self._absorbing(self._cache.without(current, effect), allowed=is_law)
             found = self._best(current, models)
             if found is None:
                 break
@@ -247,13 +250,13 @@ class EffectSearch:
         self.reached = grown
         return grown
 
-    def _absorbing(self, context: ModelWithEffects, *, instead: bool = False) -> list[ModelWithEffects]:
-        """Refits of the best few effects that imitate anything; instead of a formula only what the components allow."""
+    def _absorbing(self, context: ModelWithEffects, *, allowed: bool = False) -> list[ModelWithEffects]:
+        """Refits of the best few effects that imitate anything; perhaps only of those that the components allow."""
         if not context.usable:
             return []
         screening, names = self._cache.screening(context), self._testable(context, absorbs=True)
         library, support = self._cache.library.by_name, self._support
-        chosen = [name for name in names[:ABSORBING] if not instead or support.agrees(library[name], of_range=True)]
+        chosen = [name for name in names[:ABSORBING] if not allowed or support.agrees(library[name], of_range=True)]
         return [self._cache.with_added(context, screening.single(name)) for name in chosen]
 
     def _pruned(self, current: ModelWithEffects) -> ModelWithEffects:

@@ -206,7 +206,7 @@ def test_law_of_the_state_is_evidence_of_a_formula_that_can_take_its_place():
 
 
 @pytest.mark.parametrize(("component", "taken"), [("force-of-velocity", []), ("periodic-force", ["periodic-forcing"])])
-def test_formula_gives_way_only_to_what_the_components_allow(component, taken):
+def test_law_gives_way_only_to_what_the_components_allow(component, taken):
     part = Component(component, 0.9, (0.8, 0.95), 0.02, 1.0, similar=("periodic-force",))
     screening = SimpleNamespace(names=["periodic-forcing", "quadratic-drag"], single=lambda name: name)
     cache = SimpleNamespace(
@@ -217,8 +217,9 @@ def test_formula_gives_way_only_to_what_the_components_allow(component, taken):
         with_added=lambda context, candidate: candidate,
     )
     search = EffectSearch(cache, None, ComponentSupport(_parts(0.02, part), False))
+    assert search._support.is_largest(EFFECTS["quadratic-drag"]) == (component == "force-of-velocity")
     context = SimpleNamespace(usable=True)
-    assert search._absorbing(context, instead=True) == taken
+    assert search._absorbing(context, allowed=True) == taken
     assert search._absorbing(context) == ["periodic-forcing"]
     assert search._absorbing(SimpleNamespace(usable=False)) == []
 
