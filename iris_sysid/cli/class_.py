@@ -57,13 +57,12 @@ def class_(
     from iris_sysid.classroom.workbook import write_workbook
     from iris_sysid.cli import _class_request
     from iris_sysid.errors import IrisError
-    from iris_sysid.io.files import check_writable
+    from iris_sysid.io.files import check_folder
     from iris_sysid.registry import PHENOMENA
     from iris_sysid.review.opening import is_result
 
-    for name in (PAGE, WORKBOOK):
-        # a folder that an interrupted run began holds groups but no page: it goes on
-        check_writable(output / name, overwrite=force or (output / "groups").is_dir())
+    # a folder that an interrupted run began holds groups but no page: it goes on
+    check_folder(output, (PAGE, WORKBOOK), overwrite=force or (output / "groups").is_dir())
     described = PHENOMENA.named(phenomenon)
     references = _class_request.references(described, expected or (), value)
     options = _class_request.ClassOptions(described, film, columns)
