@@ -41,6 +41,7 @@ from tests._board_pictures import (
     view_of_corners,
 )
 from tests._project import recording
+from tests.calibration._windows import find_by_window
 
 OPENCV_BOARD = Board(9, 6, 0.025)
 BROWN = ("k1", "k2", "p1", "p2")
@@ -145,7 +146,7 @@ def opencv_files():
 
 @pytest.fixture(scope="module")
 def as_the_reference(opencv_files):
-    views = find_boards(opencv_files, OPENCV_BOARD, window_px=11).views
+    views = [find_by_window(file, OPENCV_BOARD, 11) for file in opencv_files]
     return calibrate_camera(views, OPENCV_BOARD, lens=FULL_LENS, drop_outliers=False)
 
 
@@ -176,7 +177,7 @@ def test_our_corners_leave_less_than_the_best_classical_window(our_own):
 
 
 def test_view_that_the_large_window_spoils_is_named_and_left_out(opencv_files):
-    camera = calibrate_camera(find_boards(opencv_files, OPENCV_BOARD, window_px=11).views, OPENCV_BOARD)
+    camera = calibrate_camera([find_by_window(file, OPENCV_BOARD, 11) for file in opencv_files], OPENCV_BOARD)
     assert list(camera.left_out) == ["left02.jpg"]
     assert "robust standard deviations" in camera.left_out["left02.jpg"]
     assert camera.rms_px < 0.23
