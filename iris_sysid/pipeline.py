@@ -126,7 +126,7 @@ def from_source(
 
 
 def doubts_of(tracks: Sequence[Track]) -> list[str]:
-    """What speaks against each track, with the option that helps, one line a doubt."""
+    """The doubts about each track, with the option that helps, one line a doubt."""
     return [
         f"the track of body {body.body} is doubtful: {doubt.text}"
         for body in tracks

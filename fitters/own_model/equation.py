@@ -172,7 +172,7 @@ def _system(text: str) -> _System:
             reason = "the left side is the highest derivative alone, of first or second order, as theta'' or h'"
             raise ExpressionError(text, left.column, reason)
         if name in sides or name == TIME or name in FUNCTIONS or INPUT_NAME.fullmatch(name):
-            reason = "has an equation already" if name in sides else "has a meaning of its own"
+            reason = "has an equation already" if name in sides else "has another meaning"
             raise ExpressionError(text, left.column, f"{name} {reason}")
         sides[name] = order, right
     if len(sides) > MAX_STATES:

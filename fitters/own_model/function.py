@@ -57,7 +57,7 @@ def model_from_function(
     Raises
     ------
     DataError
-        When the arguments cannot be read from the signature, or a name is none of the function.
+        When the arguments cannot be read from the signature, or a name is not an argument of the function.
 
     Examples
     --------

@@ -55,7 +55,7 @@ RESULTS = (*FILES, DOCUMENT)
 class Measured:
     """What was measured of one group before it is written.
 
-    ``world`` is None where there are no positions, ``recorded_hz`` where the file does not state a rate of its own.
+    ``world`` is None where there are no positions, ``recorded_hz`` where the file states no rate.
     """
 
     trajectory: Trajectory

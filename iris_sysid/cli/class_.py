@@ -44,7 +44,7 @@ def class_(
     """Compare the groups of a class: each group's value, what is wrong with those that stand out, the value of all.
 
     Writes class.html and class.xlsx, and a page for each group. A second run measures only groups that are new or have
-    changed. A file groups.csv in the folder gives single groups options of their own.
+    changed. A file groups.csv in the folder gives single groups their own options.
 
     \b
     Example:

@@ -102,7 +102,7 @@ def calibrate_board(
     Returns
     -------
     BoardCalibration
-        Its notes name views that were left out and images without a board; a doubt says where nothing but their order
+        Its notes name views that were left out and images without a board; a doubt says where only their order
         tells which view lies in the plane of motion.
 
     Raises
