@@ -86,7 +86,7 @@ def with_effects(model: str | OdeModel, effects: Sequence[str | Effect], view: V
 def with_effect(model: OdeModel, effect: Effect, view: View | None = None) -> OdeModel:
     """The model with one effect added, absent at size zero; see :func:`with_effects`."""
     if not effect.applies(model):
-        raise FitError(f"the effect {effect.name!r} makes no sense for the model {model.name!r}")
+        raise FitError(f"the effect {effect.name!r} does not apply to the model {model.name!r}; {_applicable(model)}")
     effect = through(effect, model, view)
     added = tuple(_in_units_of(model, parameter) for parameter in effect.parameters)
     hidden = tuple(_in_units_of(model, state) for state in effect.hidden)
@@ -110,6 +110,12 @@ def with_effect(model: OdeModel, effect: Effect, view: View | None = None) -> Od
         first_integral=None,
         events=within(model),
     )
+
+
+def _applicable(model: OdeModel) -> str:
+    """The effects that a model may lack, for the message that another does not apply."""
+    names = [name for name, effect in EFFECTS.items() if effect.applies(model)]
+    return f"these do: {', '.join(names)}" if names else "none does"
 
 
 def within(model: OdeModel) -> tuple[Event, ...]:

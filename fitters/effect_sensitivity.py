@@ -465,7 +465,7 @@ def _forces_with_memory(
 
 @functools.lru_cache(maxsize=64)
 def _memory_of(effect: Effect) -> OdeModel:
-    """The hidden states of an effect as a model of their own, which position, velocity and own force drive."""
+    """The hidden states of an effect as a separate model, which position, velocity and own force drive."""
     assert effect.memory is not None
     return OdeModel(
         effect.name, effect.summary, "", "", effect.hidden, effect.parameters, effect.hidden,

@@ -14,7 +14,7 @@ from iris_sysid.calibration.pixel_scale import MARK_SIGMA_PX, scale, scale_from_
 from iris_sysid.calibration.plane import check_image_size
 from iris_sysid.errors import CalibrationError, DataError, UnknownNameError
 from iris_sysid.io.clip_place import CLIP_PLACE, write_clip_place
-from iris_sysid.io.files import check_writable, origin_of
+from iris_sysid.io.files import check_folder, origin_of
 from iris_sysid.registry import MODELS, PHENOMENA, TRACKERS
 from iris_sysid.types import (
     Array,
@@ -126,7 +126,7 @@ def from_source(
 
 
 def doubts_of(tracks: Sequence[Track]) -> list[str]:
-    """What speaks against each track, with the option that helps, one line a doubt."""
+    """The doubts about each track, with the option that helps, one line a doubt."""
     return [
         f"the track of body {body.body} is doubtful: {doubt.text}"
         for body in tracks
@@ -561,13 +561,6 @@ def observe_and_fit(
     return world, trajectory.with_(doubts=doubts), replace(result, doubts=doubts)
 
 
-def check_folder(folder: str | Path, *, overwrite: bool = False) -> Path:
-    """Raise OutputError when :func:`save` could not write into the folder: call it before the work is done."""
-    for name in FILES:
-        check_writable(Path(folder) / name, overwrite=overwrite)
-    return Path(folder)
-
-
 def save(result: Run, folder: str | Path, *, overwrite: bool = False) -> Path:
     """Write the track, the trajectory, the fit and the report of one clip into a folder.
 
@@ -594,7 +587,7 @@ def save(result: Run, folder: str | Path, *, overwrite: bool = False) -> Path:
     from iris_sysid.io.json_documents import write_fit
     from iris_sysid.report.clip_page import write_report
 
-    folder = check_folder(folder, overwrite=overwrite)
+    folder = check_folder(folder, FILES, overwrite=overwrite)
     write_clip_place(result.source, folder, overwrite=overwrite)
     write_track(result.tracks, folder / "track.csv", overwrite=overwrite)
     write_trajectory(result.trajectory, folder / "trajectory.csv", overwrite=overwrite)

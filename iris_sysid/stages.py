@@ -57,7 +57,7 @@ def link(detections: Detections, options: LinkOptions | None = None, by: str | L
     Parameters
     ----------
     detections
-        From :func:`detect`, or of your own.
+        From :func:`detect`, or your own.
     options
         Number of bodies, search range, memory and odds.
     by

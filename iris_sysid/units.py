@@ -99,7 +99,7 @@ def rate_of(unit: str) -> str:
 def parse_measure(text: str, units: Collection[str], example: str) -> Measure:
     """Read a value with its unit, with or without its standard error.
 
-    The standard error follows ``+-``, ``+/-`` or ``±``, with a unit of its own or the value's, or stands in brackets
+    The standard error follows ``+-``, ``+/-`` or ``±``, with its own unit or the value's, or stands in brackets
     for the last digits: ``398.7(5)px`` is 398.7 ± 0.5 px.
 
     Parameters

@@ -31,7 +31,7 @@ def browser_is_there(*, driven: bool = True) -> None:
 
 @contextmanager
 def started_browser(profile: Path, *flags: str, **preferences: object) -> Iterator:
-    """A browser without a window that keeps what its pages log, with a profile of its own."""
+    """A browser without a window that keeps what its pages log, with a new profile."""
     from selenium import webdriver
 
     options = webdriver.ChromeOptions()

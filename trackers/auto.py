@@ -1,4 +1,4 @@
-"""The tracker that suits a clip, chosen by itself: the background tracker where nothing speaks against its tracks.
+"""The tracker that suits a clip, chosen by itself: the background tracker where no evidence is against its tracks.
 
 The tracks are judged by evidence that needs no truth: the same colours throughout, a body and no shadow, no leaps, a
 steady size, nothing else that looks more like a body, and the body nowhere else in view. Where the evidence is bad,

@@ -1,6 +1,6 @@
 """Blind test of the diagnosis on cases of an independent generator: names, classes, sizes, false alarms.
 
-Seeds below 1,000,000 may be looked at while code is written; those from there on are sealed: scored once for a table.
+Seeds below 1,000,000 may be looked at while code is written; the others are sealed: scored once for a table.
 Clean cases are scored as single clips, and as several clips of one motion.
 """
 

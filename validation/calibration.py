@@ -18,11 +18,12 @@ import numpy as np
 
 from iris_sysid.calibration.board.board import Board
 from iris_sysid.calibration.board.calibrate import BoardPlacement, calibrate_board
-from iris_sysid.calibration.board.detect import find_boards
+from iris_sysid.calibration.board.detect import find_board
 from iris_sysid.calibration.camera import FULL_LENS, calibrate_camera
 from iris_sysid.calibration.plane import to_plane
 from iris_sysid.synthetic import Look, render_checkerboard, render_clip
 from iris_sysid.synthetic.plan import plan_clip
+from tests.calibration._windows import find_by_window
 from tests.calibration.test_camera import scored
 from validation import pages
 
@@ -50,9 +51,8 @@ def reference() -> None:
         ("ours, its settings", None, FULL_LENS, False),
         ("ours", None, None, True),
     ):
-        camera = calibrate_camera(
-            find_boards(files, board, window_px=window).views, board, lens=lens, drop_outliers=drop
-        )
+        views = [find_board(file, board) if window is None else find_by_window(file, board, window) for file in files]
+        camera = calibrate_camera(views, board, lens=lens, drop_outliers=drop)
         rms_px = np.array([view.rms_px for view in camera.views])
         entry = camera.estimates["fx"]
         print(

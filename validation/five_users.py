@@ -181,7 +181,7 @@ class Said:
 
 
 def play(step: Step) -> Said:
-    """Run the command of a step in a folder of its own."""
+    """Run the command of a step in a separate folder."""
     with tempfile.TemporaryDirectory() as folder:
         for command in step.command.format(world=WORLD, out=folder).split(" then "):
             program = [sys.executable, "-c", "from iris_sysid.cli import main; main()", *shlex.split(command)]

@@ -1,7 +1,7 @@
 """Identity of tracked bodies: switches, coverage, HOTA, IDF1 and error over synthetic clips.
 
 ``python -m validation.identity`` renders clips of the phenomena with several bodies, the settings of the benchmark's
-table in turn, each clip with a seed of its own, follows the bodies, and compares with the truth beside each clip.
+table in turn, each clip with its own seed, follows the bodies, and compares with the truth beside each clip.
 ``--scores FILE`` keeps the score of each clip, so that an interrupted run continues. ``--dataset DATASET --tracks
 FOLDER`` compares the tracks that ``iris-sysid gt`` or ``validation.groundtruth`` kept of a synthetic data set
 instead.

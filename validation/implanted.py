@@ -4,8 +4,8 @@
 recordings in ``../shared/data``. Each table is diagnosed as it is, and with one effect whose trace, freed of what the
 base model imitates, is a multiple of the recording's own residual (:mod:`validation.implanted_effects`). With
 ``--video`` the faults of a camera or a clock are put into the frames of the filmed recordings, which are tracked again
-(:mod:`validation.implanted_video`). Every diagnosis has a process of its own; answers in ``--folder`` are not computed
-again, and are scored anew each time. The sealed half of the recordings needs ``--sealed``.
+(:mod:`validation.implanted_video`). Every diagnosis runs in a separate process; answers in ``--folder`` are not
+computed again, and are scored anew each time. The sealed half of the recordings needs ``--sealed``.
 """
 
 from __future__ import annotations

@@ -30,7 +30,7 @@ from validation.implanted_scores import Hidden
 
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
-Timed = tuple[float, Image]  # a moment, s, and the picture (h, w, 3) BGR that is shown from then on
+Timed = tuple[float, Image]  # a moment, s, and the picture (h, w, 3) BGR that is shown after it
 Points = Callable[[Array], Array]  # where the points (n, 2) px of a perfect picture are seen
 
 FOCAL_PER_WIDTH = 0.75  # a phone's main camera

@@ -1,12 +1,14 @@
 """The figures of the method pages, drawn from one synthetic clip by the package's own plots.
 
 ``python -m validation.method_figures`` writes ``docs/method/figures``: a pendulum with a hidden drag is rendered, run
-and diagnosed, and its equation discovered; the curves of cameras are those that ``--transfer`` names.
+and diagnosed, and its equation discovered; the curves of cameras are those that ``--transfer`` names. The corners of a
+rendered board are drawn for the guide on calibration.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import tempfile
 from pathlib import Path
 
@@ -15,14 +17,19 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from iris_sysid import FitResult, Run, diagnose, discover, open_video, plot, render_clip, run
+from iris_sysid.calibration.board.board import Board
+from iris_sysid.calibration.board.calibrate import calibrate_board
+from iris_sysid.report.calibration_figure import view_figure
 from iris_sysid.report.figures import track_figure
 from iris_sysid.report.plots import figure_of
+from iris_sysid.synthetic.board import render_checkerboard
 from iris_sysid.types import transfer_tagged
 from validation import pages
 
 mpl.use("agg")
 
 FOLDER = pages.ROOT / "docs" / "method" / "figures"
+CORNERS = pages.ROOT / "docs" / "guide" / "calibrate.png"
 SIZE, DURATION_S, HIDDEN = (480, 270), 5.0, {"quadratic-drag": 0.2}
 MIN_SHARE = 1e-5  # of the standard error
 CURVES = ("linear", "bt709", "srgb", "hlg", "pq")
@@ -48,6 +55,19 @@ def main() -> None:
         }
         for name, figure in figures.items():
             figure.savefig(FOLDER / f"{name}.png", dpi=DPI)
+        corners_figure(Path(folder)).savefig(CORNERS, dpi=DPI)
+
+
+def corners_figure(folder: Path) -> Figure:
+    """The corners of a rendered board with their residuals, as ``calibrate --plot`` draws them."""
+    clip = folder / "board.mp4"
+    render_checkerboard("dropping-ball", clip, size=(960, 540), fps=2.0)
+    square_m = json.loads(clip.with_suffix(".truth.json").read_text("utf-8"))["board"]["square_m"]
+    found = calibrate_board([clip], Board(9, 6, square_m))
+    assert found.fitted is not None
+    figure = view_figure(found.fitted, found.image)
+    figure.axes[0].set(xlim=(290, 670), ylim=(410, 130))
+    return figure
 
 
 def budget_figure(fitted: FitResult) -> Figure:

@@ -307,7 +307,7 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0, help="first seed; with --sealed counted from the sealed ones")
     parser.add_argument("--rows", type=Path, help="file to which each seed adds a line; those in it are not repeated")
     parser.add_argument("--sealed", action="store_true", help="score seeds that nobody looks at; prints no case")
-    parser.add_argument("--model", default="", help="only cases of this model; a table of its own")
+    parser.add_argument("--model", default="", help="only cases of this model; a separate table")
     pages.add_option(parser)
     options = parser.parse_args()
     first = options.first + (SEALED if options.sealed else 0)

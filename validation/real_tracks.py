@@ -1,7 +1,7 @@
 """Every real clip tracked with no option but the number of bodies, against marks made by eye.
 
 ``python -m validation.real_tracks [--split open] [--sheets FOLDER]`` needs the recordings in ``../shared/data``. Each
-clip has a process of its own and ``--seconds`` of processor time. With ``--sheets`` it writes a contact sheet of each
+clip runs in a separate process and ``--seconds`` of processor time. With ``--sheets`` it writes a contact sheet of each
 clip with the tracks and the marks drawn in.
 """
 
@@ -81,7 +81,7 @@ def outcome(clip: MarkedClip, sheets: Path | None) -> Outcome:
 
 
 def within(clip: MarkedClip, sheets: Path | None, seconds: int) -> Outcome:
-    """The outcome of a clip from a process of its own, which may take so many seconds of processor time."""
+    """The outcome of a clip from a separate process, which may take so many seconds of processor time."""
     receiver, sender = multiprocessing.Pipe(duplex=False)
     process = multiprocessing.get_context("spawn").Process(target=_send, args=(clip, sheets, seconds, sender))
     process.start()

@@ -1,7 +1,7 @@
 """How long a person waits for a review: the first frame, a step through the frames, the fit after an edit.
 
 ``python -m validation.review_waiting`` writes three clips with the track of a pendulum (1080p, 4K, and 30 minutes of
-54,000 frames), starts ``iris-sysid review`` on each in a process of its own and asks for what the page asks for. What
+54,000 frames), starts ``iris-sysid review`` on each in a separate process and asks for what the page asks for. What
 the browser itself takes is not in it. Each cell is seconds of the clock, then of the processor in brackets: these are
 less disturbed by what else a machine does. The fit of a long clip is a preview first, and that of all frames runs in a
 process of its own: memory is that of both.
@@ -73,7 +73,7 @@ class Cost:
 
 
 class Server:
-    """A review in a process of its own, asked as the page asks."""
+    """A review in a separate process, asked as the page asks."""
 
     def __init__(self, folder: Path) -> None:
         self.began = time.perf_counter()
@@ -111,7 +111,7 @@ class Server:
 
     @property
     def processor_s(self) -> float:
-        """Processor time so far, with that of fits in a process of their own that have ended."""
+        """Processor time so far, with that of fits in separate processes that have ended."""
         fields = Path(f"/proc/{self.process.pid}/stat").read_text("utf-8").rpartition(")")[2].split()
         return sum(map(int, fields[11:15])) / os.sysconf("SC_CLK_TCK")
 

@@ -2,7 +2,7 @@
 
 ``python -m validation.speed --class pendulum dropping-ball [--size 3840x2160] [--seconds 5]`` renders a clip of each
 class at 60 frames a second and 45 Mbit/s (at 4K), tracks it by the whole command (from starting Python to the written
-table, the tracker that the phenomenon names) and reads it with OpenCV, in turns, each in a process of its own; the
+table, the tracker that the phenomenon names) and reads it with OpenCV, in turns, each in a separate process; the
 fastest run of each counts. "After the start" is the rate by which the time grows where the clip is repeated three
 times, by the clock and in processor time, which is less disturbed by what else a machine does.
 

@@ -1,6 +1,6 @@
 """What breaks the program: damaged input, kills, full disks, clocks, two at once, memory.
 
-Every command runs in a process of its own with a limit of time. ``--short`` is what the tests run.
+Every command runs in a separate process with a limit of time. ``--short`` is what the tests run.
 """
 
 from __future__ import annotations

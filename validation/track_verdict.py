@@ -35,8 +35,8 @@ from validation.real_marks import MAX_ELSEWHERE, MIN_ON_BODY, compared, marked_c
 
 TABLE = Path(__file__).with_suffix(".csv")
 WEIGHTS = pages.ROOT / "trackers" / "_auto" / "verdict_weights.py"
-# too rare in the table to be fitted: what makes a track that nothing else speaks against just doubtful is two bodies in
-# one place in 30 % of the frames, and a gap of all bodies as long as names may change in
+# too rare in the table to be fitted: what makes a track without other evidence against it just doubtful is two bodies
+# in one place in 30 % of the frames, and a gap of all bodies as long as names may change in
 FIXED = {"two on one": 8.5, "lost together": 3.0}
 NAMES = tuple(name for name in WORDS if name not in (*OFF, *FIXED))
 DRAWN, RENDERED = "drawn ", "rendered "  # begin the names of recordings that are no real ones

@@ -1,7 +1,7 @@
 """How long people wait: whole commands, from starting Python to the last file, here and in an earlier checkout.
 
 ``python -m validation.waiting --before ../earlier`` renders two pendulums that strike one another (55 frames), a
-pendulum, and six clips of 3 s, and runs each command in a process of its own, in turns with the checkout named; the
+pendulum, and six clips of 3 s, and runs each command in a separate process, in turns with the checkout named; the
 fastest turn of each counts, since the first one compiles. ``--data`` adds the recording of two pendulums among others'
 data. What a diagnosis reads is what the run before it has written, so ``--only`` names both. Processor time is less
 disturbed by what else a machine does than the clock is; the ratio is that of processor times.

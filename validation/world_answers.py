@@ -1,6 +1,6 @@
 """What the diagnosis says of each real recording, kept apart from the judgement of it, so that a rule costs no new run.
 
-Each recording has a process of its own. The diagnosis is asked for its best answer after a share of the time allowed;
+Each recording runs in a separate process. The diagnosis is asked for its best answer after a share of the time allowed;
 the process is ended when all of it is over.
 """
 
@@ -101,7 +101,7 @@ def _send(name: str, seconds: float, pipe: Connection) -> None:
 
 
 def in_process(name: str, seconds: float) -> Answer:
-    """The answer from a process of its own, which is ended when the time is over."""
+    """The answer from a separate process, which is ended when the time is over."""
     began = time.perf_counter()
     receiver, sender = multiprocessing.Pipe(duplex=False)
     arguments = (name, ASKED * seconds, sender)

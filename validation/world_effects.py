@@ -3,7 +3,7 @@
 ``python -m validation.world_effects --reference FOLDER [--write-docs]`` needs the recordings in ``../shared/data``.
 FOLDER has, or gets, the rows of :mod:`validation.reference_fits`; without it only what was known counts. About half of
 the recordings are sealed, by a hash of the name: they are scored with ``--sealed`` (or ``--write-docs``), and are not
-looked at while the programs are written. Each recording has a process of its own and ``--seconds``; answers in
+looked at while the programs are written. Each recording runs in a separate process and ``--seconds``; answers in
 ``--folder`` are not computed again, but judged anew (:mod:`validation.world_answers`).
 """
 

@@ -1,4 +1,4 @@
-"""Two bodies on springs of their own, joined by another spring; their masses may differ."""
+"""Two bodies, each on its own spring, joined by another spring; their masses may differ."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def energy(states: Array, params: Array) -> Array:
 
 MODEL = OdeModel(
     name="coupled-oscillators",
-    summary="two bodies on springs of their own, joined by a spring; coupling_1 / coupling_2 is the mass of 2 over 1",
+    summary="two bodies, each on its own spring, joined by a spring; coupling_1 / coupling_2 is the mass of 2 over 1",
     equation=r"\ddot z_i + \zeta_i\,\dot z_i + \alpha_i\,z_i + \kappa_i\,(z_i - z_j) = 0",
     source="Landau and Lifshitz, Mechanics, section 23; Schmidt and Lipson (2009), Science 324, 81, air track",
     states=(

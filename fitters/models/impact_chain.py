@@ -9,13 +9,13 @@ import numpy as np
 from fitters.starting_values import samples, start_of
 from iris_sysid.types import Event, ModelExample, OdeModel, Parameter, Quantity, Trajectory
 
-SETTLING = 1e-4  # of their speeds; a slower rebound is none: the two go on together for this moment
+SETTLING = 1e-4  # of their speeds; a slower rebound is not one: the two go on together for this moment
 
 Seven = tuple[float, float, float, float, float, float, float]
 
 
 def rhs(t: float, state: tuple[float, ...], params: tuple[float, ...]) -> tuple[float, ...]:
-    """Give z_i'' = -damping_i z_i'; the first body has a damping of its own, as a ball that rolls among cups."""
+    """Give z_i'' = -damping_i z_i'; the first body has its own damping, as a ball that rolls among cups."""
     damping, rest = params[0], params[1]
     return state[3], state[4], state[5], -damping * state[3], -rest * state[4], -rest * state[5]
 

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 
@@ -123,9 +122,9 @@ def model_from_equation(
     array([ 0.2   , -0.1145, -0.0572])
     """
     system = _system(text)
-    _check_known("bounds", bounds, system.parameters)
+    check_known("bounds", bounds, system.parameters)
     seen = [*observed] or [*system.sides]
-    _check_known("observed", seen, list(system.sides))
+    check_known("observed", seen, list(system.sides))
     return OdeModel(
         name=name,
         summary="an equation of the user's own",
@@ -156,10 +155,19 @@ def rates_of_equation(text: str) -> dict[str, Expression]:
     return rates | {name: side for name, (order, side) in system.sides.items() if order == 1}
 
 
-def _check_known(what: str, given: Mapping[str, Any] | Sequence[str], known: Sequence[str]) -> None:
+def check_known(what: str, given: Iterable[str], known: Sequence[str], of: str = "the equation") -> None:
+    """Raise DataError with the names that are ``known`` where one of those ``given`` is not.
+
+    Parameters
+    ----------
+    what, of
+        What the names are given for, and what has the known ones.
+    given, known
+        Names.
+    """
     for name in given:
         if name not in known:
-            raise DataError(f"{what}: the equation has no {name!r}; it has {', '.join(known) or 'none'}")
+            raise DataError(f"{what}: {of} has no {name!r}; it has {', '.join(known) or 'none'}")
 
 
 @functools.lru_cache(maxsize=64)
@@ -172,7 +180,7 @@ def _system(text: str) -> _System:
             reason = "the left side is the highest derivative alone, of first or second order, as theta'' or h'"
             raise ExpressionError(text, left.column, reason)
         if name in sides or name == TIME or name in FUNCTIONS or INPUT_NAME.fullmatch(name):
-            reason = "has an equation already" if name in sides else "has a meaning of its own"
+            reason = "has an equation already" if name in sides else "has another meaning"
             raise ExpressionError(text, left.column, f"{name} {reason}")
         sides[name] = order, right
     if len(sides) > MAX_STATES:

@@ -5,18 +5,14 @@ from __future__ import annotations
 import functools
 import inspect
 from collections.abc import Callable, Mapping, Sequence
-from types import MappingProxyType
 from typing import Any
 
 from numba.extending import register_jitable
 
 from fitters.integrator.codegen import generated, row
+from fitters.own_model.equation import ANYTHING, NO_BOUNDS, NO_UNITS, check_known
 from iris_sysid.errors import DataError
 from iris_sysid.types import OdeModel, Parameter, Quantity, picklable
-
-ANYTHING = (float("-inf"), float("inf"))
-NO_UNITS: Mapping[str, str] = MappingProxyType({})
-NO_BOUNDS: Mapping[str, tuple[float, float]] = MappingProxyType({})
 
 
 def model_from_function(
@@ -57,7 +53,7 @@ def model_from_function(
     Raises
     ------
     DataError
-        When the arguments cannot be read from the signature, or a name is none of the function.
+        When the arguments cannot be read from the signature, or a name is not an argument of the function.
 
     Examples
     --------
@@ -71,10 +67,10 @@ def model_from_function(
     array([90.  , 45.75])
     """
     defaults = _arguments(function)
-    _check("inputs", inputs, list(defaults))
+    check_known("inputs", inputs, list(defaults), "the function")
     names = [name for name in defaults if name not in inputs]
-    _check("bounds", list(bounds), names)
-    _check("observed", observed, states)
+    check_known("bounds", bounds, names, "the function")
+    check_known("observed", observed, states, "the function")
     order = tuple(f"params[{names.index(n)}]" if n in names else f"inputs[{inputs.index(n)}]" for n in defaults)
     quantities = {name: Quantity(name, units.get(name, "1"), name) for name in (*states, *inputs)}
     return OdeModel(
@@ -99,12 +95,6 @@ def _arguments(function: Callable[..., Any]) -> dict[str, float | None]:
     if len(given) < 2 or any(item.kind not in (item.POSITIONAL_ONLY, item.POSITIONAL_OR_KEYWORD) for item in given):
         raise DataError("a model is made from a function f(t, y, a, b, ...): name its parameters one by one")
     return {item.name: None if item.default is item.empty else float(item.default) for item in given[2:]}
-
-
-def _check(what: str, given: Sequence[str], known: Sequence[str]) -> None:
-    for name in given:
-        if name not in known:
-            raise DataError(f"{what}: the function has no {name!r}; it has {', '.join(known) or 'none'}")
 
 
 @picklable

@@ -15,7 +15,7 @@ import pandas as pd
 from fitters.own_model.equation import NO_BOUNDS, model_from_equation, rates_of_equation
 from fitters.own_model.expression import TIME, Expression
 from iris_sysid.errors import DataError
-from iris_sysid.io.files import check_writable, write_atomic
+from iris_sysid.io.files import check_folder, write_atomic
 from iris_sysid.types import Array, Estimate, OdeModel, Trajectory
 
 NO_VALUES: Mapping[str, float] = MappingProxyType({})
@@ -120,9 +120,7 @@ def write_petab(
         "measurement": measured,
         "parameter": pd.DataFrame([*rows, *unknown]),
     }
-    folder = Path(folder)
-    for name in (PROBLEM, *FILES.values()):
-        check_writable(folder / name, overwrite=overwrite)
+    folder = check_folder(folder, (PROBLEM, *FILES.values()), overwrite=overwrite)
     write_atomic(folder / FILES["model"], sbml, overwrite=overwrite)
     for what, table in tables.items():
         text = table.to_csv(sep="\t", index=False, lineterminator="\n")

@@ -71,7 +71,7 @@ class PetabProblem:
 def read_petab(path: str | Path) -> PetabProblem:
     """Read a PEtab problem (version 1): an SBML model of rate rules or reactions, and its tables.
 
-    Formulas are read as syntax trees and written as text of our own; nothing of a file is run. Times are taken as s.
+    Formulas are read as syntax trees and written as our text; nothing of a file is run. Times are taken as s.
     Parameters are estimated on a linear scale whatever the problem says, within its bounds; those that only give an
     initial value become that initial value, without bounds.
 
@@ -140,7 +140,7 @@ def _files(path: Path) -> tuple[str, dict[str, list[Row]]]:
     if not isinstance(problems, list) or str(listed.get("format_version")).partition(".")[0] != "1":
         raise DataError("it is not a PEtab problem of version 1: it needs format_version: 1 and problems")
     if len(problems) != 1 or not isinstance(problems[0], dict):
-        raise DataError("it must hold one problem: write each as a file of its own")
+        raise DataError("it must hold one problem: write each as a separate file")
     models = _beside(path, problems[0].get("sbml_files"))
     if len(models) != 1:
         raise DataError("it must have one SBML model")

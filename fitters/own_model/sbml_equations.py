@@ -1,6 +1,6 @@
 """Equations in text from an SBML model: rate rules, and reactions with their kinetic laws as balances of species.
 
-The formulas are read as syntax trees of libsbml and written as text of our own, which :mod:`fitters.own_model.equation`
+The formulas are read as syntax trees of libsbml and written as our text, which :mod:`fitters.own_model.equation`
 parses; nothing of the file is run. The text is bounded, and so is the work to make it.
 """
 

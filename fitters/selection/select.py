@@ -36,7 +36,7 @@ def select_model(
     names: an angle may be the angle of any model that observes one. Zeros are not known but for straight down, which
     is known to 3 degrees. Of the models whose held-out errors are indistinguishable, the one with the smallest BIC is
     first. One whose events never happen comes after the others, and a BIC that is smaller by less than 6 does
-    not pay for more numbers, nor for an equation with more unknowns of its own.
+    not pay for more numbers, nor for an equation with more unknowns.
 
     A body that stays in its position is left out, and of more than three those that move farthest are looked at. When
     no equation fits several bodies, one is chosen for the first that moves, until others move too; the observable

@@ -101,7 +101,7 @@ def discover(
     DataError
         When there are too few samples, a quantity does not move, is unknown, or differs between clips.
     FitError
-        When no proposed equation could be fitted, or the model of ``residual_of`` is none of these quantities.
+        When no proposed equation could be fitted, or the model of ``residual_of`` does not describe these quantities.
 
     Examples
     --------

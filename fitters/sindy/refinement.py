@@ -136,7 +136,7 @@ def _of_one(clip: Trajectory, library: Library, kept: Kept, fit: FitResult) -> R
 
 
 def _jointly(clips: Sequence[Trajectory], library: Library, kept: Kept, fits: list[FitResult]) -> Refined:
-    """Gauss-Newton steps for coefficients that all clips share, each clip with initial states of its own."""
+    """Gauss-Newton steps for coefficients that all clips share, each clip with its own initial states."""
     names, model = library.names, model_of(library)
     values, covariance = _averaged(library, kept, fits)
     for _ in range(4):
@@ -202,7 +202,7 @@ def blocks_of(columns: Array, target: Array, one: FitResult, shared: int, where:
     shared
         Number of columns that all clips share, the first ones; the others are this clip's own.
     where
-        Number of this clip, and number of clips, each with as many columns of its own.
+        Number of this clip, and number of clips, each with as many columns.
     """
     index, clips = where
     own = columns.shape[2] - shared

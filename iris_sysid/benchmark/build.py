@@ -14,9 +14,9 @@ from iris_sysid.benchmark.dataset_rows import DatasetRows
 from iris_sysid.benchmark.sources.latent import DAMAGED, latent_rows, read_latent_runs, unread_rows
 from iris_sysid.benchmark.sources.predictions import prediction_rows
 from iris_sysid.benchmark.sources.rows import joined, read_rows
-from iris_sysid.benchmark.tables.pages import check_pages, write_pages
+from iris_sysid.benchmark.tables.pages import PAGES, write_pages
 from iris_sysid.errors import DataError
-from iris_sysid.io.files import origin_of, sha256_of
+from iris_sysid.io.files import check_folder, origin_of, sha256_of
 
 DOCUMENT = "benchmark"  # name of this kind of document in its manifest
 
@@ -75,7 +75,7 @@ def build(
 def can_write(folder: Path, *, overwrite: bool) -> bool:
     """Whether the files in ``folder`` are to be replaced; raises OutputError when they must not be."""
     replace = overwrite or is_benchmark(folder)
-    check_pages(folder, overwrite=replace)
+    check_folder(folder, PAGES, overwrite=replace)
     return replace
 
 

@@ -13,11 +13,11 @@ from typing import Any
 from iris_sysid.benchmark.batch import Batch
 from iris_sysid.benchmark.parallel import Workers, check_workers, run_parallel
 from iris_sysid.errors import DataError, FitError, IrisError, OutputError
-from iris_sysid.io.files import write_atomic
+from iris_sysid.io.files import check_folder, write_atomic
 from iris_sysid.io.formula_cells import guarded
 from iris_sysid.io.json_documents import plain_origin, read_document
 from iris_sysid.io.schemas import DiagnosisDocument
-from iris_sysid.report.diagnosis_files import check_folder
+from iris_sysid.report.diagnosis_files import FILES
 from iris_sysid.types import Effect, Estimate, OdeModel, Progress, Trajectory, with_progress
 
 SUMMARY = "summary.csv"
@@ -138,7 +138,7 @@ def diagnose_each(
     _check_names([table.name for table in tables])
     if not (root / SUMMARY).is_file():
         for table in tables:
-            check_folder(root / table.name, overwrite=overwrite)
+            check_folder(root / table.name, FILES, overwrite=overwrite)
     batch = Batch(root, DiagnoseEach(prepare), _lost)
     try:
         _write_summary(root, [])

@@ -86,7 +86,7 @@ def _in_lanes(
 class _Lane:
     """One process at a time, a new one after JOBS_A_PROCESS jobs: memory that libraries keep goes with the old one.
 
-    A pool of its own, since ``max_tasks_per_child`` of a common one can wait for ever (Python 3.11).
+    It has its own pool, since ``max_tasks_per_child`` of a common one can wait for ever (Python 3.11).
     """
 
     def __init__(self) -> None:

@@ -133,16 +133,16 @@ def inverse_of(information: Array) -> Array:
     return (vectors / values) @ vectors.T / np.outer(size, size)
 
 
-def free_parameters(lens: Sequence[str], square_pixels: bool) -> Array:
-    """One column a fitted parameter (9, p): the focal lengths, the principal point, those named in ``lens``.
+def free_parameters(lens: Sequence[str]) -> Array:
+    """One column a fitted parameter (9, p): the focal length, the principal point, those named in ``lens``.
+
+    Pixels are square: fx and fy are one parameter.
 
     Entries are dimensionless: 0 or 1.
     """
-    columns = []
     unit = np.eye(9)
-    columns += [unit[0] + unit[1]] if square_pixels else [unit[0], unit[1]]
-    columns += [unit[2], unit[3], *(unit[CAMERA_PARAMETERS.index(name)] for name in lens)]
-    return np.column_stack(columns)
+    distortion = (unit[CAMERA_PARAMETERS.index(name)] for name in lens)
+    return np.column_stack([unit[0] + unit[1], unit[2], unit[3], *distortion])
 
 
 # --------------------------------------------------------------------------- one view
@@ -269,9 +269,7 @@ def _without(columns: Array, nuisance: Array) -> Array:
     return columns - basis @ (basis.T @ columns)
 
 
-def fit_camera(
-    views: Sequence[Points], image_size: tuple[int, int], lens: Sequence[str], square_pixels: bool
-) -> CameraFit:
+def fit_camera(views: Sequence[Points], image_size: tuple[int, int], lens: Sequence[str]) -> CameraFit:
     """Fit camera and poses by OpenCV's calibration, then go on to convergence in double precision.
 
     Parameters
@@ -282,8 +280,6 @@ def fit_camera(
         (width, height) px.
     lens
         Names of the distortion coefficients that are fitted; the others are zero.
-    square_pixels
-        Whether fx and fy are one parameter.
 
     Returns
     -------
@@ -295,8 +291,8 @@ def fit_camera(
     CalibrationError
         When no camera explains the views.
     """
-    free = free_parameters(lens, square_pixels)
-    parameters, poses = _started(views, image_size, lens, square_pixels)
+    free = free_parameters(lens)
+    parameters, poses = _started(views, image_size, lens)
     fit = information_of(parameters, poses, views, free)
     for _ in range(POLISHING_STEPS):
         parameters = fit.parameters + free @ _newton_step(fit)
@@ -320,12 +316,9 @@ def _newton_step(fit: CameraFit) -> Array:
     return np.asarray(np.linalg.lstsq(scaled, fit.gradients.sum(axis=0) / size, rcond=1e-12)[0] / size)
 
 
-def _started(
-    views: Sequence[Points], image_size: tuple[int, int], lens: Sequence[str], square_pixels: bool
-) -> tuple[Array, Array]:
-    flags = sum(flag for name, flag in FIXED.items() if name not in lens)
+def _started(views: Sequence[Points], image_size: tuple[int, int], lens: Sequence[str]) -> tuple[Array, Array]:
+    flags = cv2.CALIB_FIX_ASPECT_RATIO | sum(flag for name, flag in FIXED.items() if name not in lens)
     flags |= 0 if "p1" in lens else cv2.CALIB_ZERO_TANGENT_DIST
-    flags |= cv2.CALIB_FIX_ASPECT_RATIO if square_pixels else 0
     board = [points.space_m.astype(np.float32) for points in views]
     seen = [points.seen_px.astype(np.float32).reshape(-1, 1, 2) for points in views]
     try:

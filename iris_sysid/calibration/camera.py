@@ -127,7 +127,6 @@ def calibrate_camera(
     board: Board,
     *,
     lens: Sequence[str] | None = None,
-    square_pixels: bool = True,
     drop_outliers: bool = True,
 ) -> CameraCalibration:
     """Fit a camera to views of a board by least squares of the reprojection error (Zhang 2000).
@@ -146,8 +145,6 @@ def calibrate_camera(
         The board they show.
     lens
         Distortion coefficients to fit, of k1, k2, p1, p2, k3. When not given, the set with the least BIC is taken.
-    square_pixels
-        Whether fx = fy.
     drop_outliers
         Leave views out that do not agree with the rest.
 
@@ -170,9 +167,9 @@ def calibrate_camera(
     points = {view.name: Points(view.points_m(board), np.asarray(view.corners_px)) for view in distinct}
     _check_attitudes(list(points.values()), image_size)
     if drop_outliers:
-        reasons |= _outliers(points, image_size, lenses[-1], square_pixels)
+        reasons |= _outliers(points, image_size, lenses[-1])
     kept = [points[name] for name in points if name not in reasons]
-    fits = [fit_camera(kept, image_size, coefficients, square_pixels) for coefficients in lenses]
+    fits = [fit_camera(kept, image_size, coefficients) for coefficients in lenses]
     fit = min(fits, key=lambda fit: fit.bic)
     _check_determined(fit, image_size)
     return _calibration(fit, views, board, reasons)
@@ -239,7 +236,7 @@ def _check_attitudes(views: Sequence[Points], image_size: tuple[int, int]) -> No
     """Refuse views that would not fix a usual camera; the errors of the fit itself assume that it came out right."""
     usual = np.array([USUAL_FOCAL * max(image_size)] * 2 + [(side - 1) / 2 for side in image_size] + [0.0] * 5)
     poses = np.array([pose_of(usual, points) for points in views])
-    fit = information_of(usual, poses, views, free_parameters((), square_pixels=True))
+    fit = information_of(usual, poses, views, free_parameters(()))
     _refuse_undetermined(fit, EXPECTED_NOISE_PX**2, image_size)
 
 
@@ -270,14 +267,12 @@ def _refuse_undetermined(fit: CameraFit, variance: float, image_size: tuple[int,
     )
 
 
-def _outliers(
-    points: Mapping[str, Points], image_size: tuple[int, int], lens: Sequence[str], square_pixels: bool
-) -> dict[str, str]:
+def _outliers(points: Mapping[str, Points], image_size: tuple[int, int], lens: Sequence[str]) -> dict[str, str]:
     """Why a view does not agree with the rest, by name; the worst is left out first, then the rest is fitted again."""
     reasons: dict[str, str] = {}
     while len(points) - len(reasons) > max(MIN_VIEWS, (1 - MAX_LEFT_OUT) * len(points)):
         names = [name for name in points if name not in reasons]
-        fit = fit_camera([points[name] for name in names], image_size, lens, square_pixels)
+        fit = fit_camera([points[name] for name in names], image_size, lens)
         rms = np.array([rms_of(residual) for residual in fit.residuals])
         deviations = unlike(rms, 2 * min(map(len, fit.residuals)))
         worst = int(np.argmax(deviations))

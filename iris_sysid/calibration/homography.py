@@ -15,7 +15,7 @@ STEPS = 20
 def apply_homography(homography: Array, points: Array) -> Array:
     """Map points (n, 2) by ``(u, v, w) = H (x, y, 1)`` to ``(u/w, v/w)`` (Hartley and Zisserman 2004, eq. 2.5).
 
-    Each plane has a unit of its own, px or m; the homography (3, 3) takes one to the other.
+    Each plane has its own unit, px or m; the homography (3, 3) takes one to the other.
     """
     mapped = points @ homography[:, :2].T + homography[:, 2]
     return mapped[:, :2] / mapped[:, 2:]
@@ -57,7 +57,7 @@ def slopes_at_zero(function: Callable[[Array], Array], steps: Array) -> Array:
 def fit_homography(source: Array, target: Array, errors: Array | None = None) -> tuple[Array, Array]:
     """Fit the homography that takes points to measured points, with least squares in the measured ones.
 
-    Each plane has a unit of its own, px or m.
+    Each plane has its own unit, px or m.
 
     Starts from the normalised direct linear transformation and goes on by Gauss-Newton steps (Hartley and Zisserman
     2004, algorithms 4.2 and 4.3).

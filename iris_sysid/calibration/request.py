@@ -13,7 +13,6 @@ from iris_sysid.calibration.board.board import Board
 from iris_sysid.calibration.board.calibrate import (
     BoardCalibration,
     BoardPlacement,
-    CameraOptions,
     calibrate_board,
     first_image,
 )
@@ -37,7 +36,6 @@ class CalibrationRequest:
     placement: BoardPlacement = field(default_factory=BoardPlacement)
     camera: CameraCalibration | None = None
     one_image: bool = False
-    options: CameraOptions = field(default_factory=CameraOptions)
     plumb_px: tuple[float, float, float, float] | None = None
     clip: Path | None = None
 
@@ -77,7 +75,6 @@ def calibrate_plane(request: CalibrationRequest, progress: Callable[[int, int], 
         placement=request.placement,
         camera=request.camera,
         one_image=request.one_image,
-        options=request.options,
         progress=progress,
     )
     calibration, image = board.calibration, board.image

@@ -1,6 +1,6 @@
 """Why a group stands out, in plain words, by what its own motion shows and how that differs from the other groups.
 
-A motion carries three rulers of its own: its times (the period of a swing, the time of a fall), its lengths (the radius
+A motion carries three rulers itself: its times (the period of a swing, the time of a fall), its lengths (the radius
 of the arc, the height of the fall, the body's diameter), and its vertical. A wrong clock changes the first alone, a
 wrong scale the second alone, a tilted camera the third; a pendulum that is really longer changes the first two as
 gravity demands.
@@ -156,7 +156,7 @@ def causes_of(group: GroupDocument, every: Sequence[GroupDocument], outlying: bo
         return _named(group) or (Cause("failed", "no value", group.message),)
     compared = Comparison(group, every, outlying)
     if outlying and (unexplained := _little_explained(compared)):
-        return (*_named(group), *unexplained)  # a period that is none shows no clock
+        return (*_named(group), *unexplained)  # without a period there is no clock to judge
     found = [cause for look in LOOKS for cause in look(compared)]
     if outlying and not found:
         found = [cause for look in WEAKER for cause in look(compared)]

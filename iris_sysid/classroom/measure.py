@@ -22,7 +22,7 @@ from iris_sysid.errors import DataError, IrisError, OutputError, TrackingError
 from iris_sysid.io.csv_cells import is_own_table
 from iris_sysid.io.csv_read import read_track, read_trajectory
 from iris_sysid.io.csv_write import write_track, write_trajectory
-from iris_sysid.io.files import check_writable, origin_of, sha256_of
+from iris_sysid.io.files import check_folder, origin_of, sha256_of
 from iris_sysid.io.grouped_table import read_group
 from iris_sysid.io.json_documents import checked, entries_of, plain_origin, read_document, write_document, write_fit
 from iris_sysid.io.schemas import GroupDocument
@@ -55,7 +55,7 @@ RESULTS = (*FILES, DOCUMENT)
 class Measured:
     """What was measured of one group before it is written.
 
-    ``world`` is None where there are no positions, ``recorded_hz`` where the file does not state a rate of its own.
+    ``world`` is None where there are no positions, ``recorded_hz`` where the file states no rate.
     """
 
     trajectory: Trajectory
@@ -181,8 +181,7 @@ def _earlier(folder: Path, origin: Mapping[str, Any]) -> GroupDocument | None:
 
 def _write(group: Group, folder: Path, origin: Mapping[str, Any], corrected: Sequence[Track]) -> None:
     (folder / DOCUMENT).unlink(missing_ok=True)  # a document that is there belongs to the files beside it
-    for name in RESULTS:
-        check_writable(folder / name, overwrite=True)
+    check_folder(folder, RESULTS, overwrite=True)
     measured = _of_a_table(group, folder) if group.source.is_table else _of_a_clip(group, folder, corrected)
     write_document(_document(group, measured, origin), folder / DOCUMENT, overwrite=True)
 

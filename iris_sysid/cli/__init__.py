@@ -61,7 +61,7 @@ COMMANDS = {
         "Measure the ground truth of a data set: one value of each parameter and setting, beside direct measurements.",
     ),
     "benchmark": ("benchmark", "Compare methods on a data set: one table of rows, all benchmark tables from it."),
-    "list": ("list_names", "List phenomena, models, effects, trackers and scenes."),
+    "list": ("list_names", "List phenomena, models, effects, trackers with their stages, and scenes."),
     "schema": ("schema", "Print the JSON Schema of a result file."),
 }
 

@@ -28,25 +28,16 @@ class BoardArguments:
     ] = None
     up: Annotated[str, typer.Option(help="Upward direction: image, or board (its edge closest to that).")] = "image"
     one_image: Annotated[
-        bool, typer.Option("--one-image", "--one-picture", help="Calibrate the plane from one image, without a camera.")
+        bool, typer.Option("--one-image", help="Calibrate the plane from one image, without a camera.")
     ] = False
 
 
 @dataclass(frozen=True)
 class CameraArguments:
-    """Options of the camera fit, or a known camera."""
+    """A known camera, and what was done to its images."""
 
     camera: Annotated[Path | None, typer.Option(help="Use the camera of this calibration.json.")] = None
     resized: Annotated[Text, typer.Option(help="The clip was resized from that camera's images to WIDTHxHEIGHT.")] = (
         None
     )
     cropped: Annotated[Text, typer.Option(help="The clip was cropped from that camera's images to x,y,w,h.")] = None
-    lens: Annotated[
-        Text, typer.Option(help="Distortion coefficients to fit, of k1,k2,p1,p2,k3; chosen by BIC by default.")
-    ] = None
-    free_aspect: Annotated[bool, typer.Option("--free-aspect", help="Fit fx and fy separately.")] = False
-    keep_outliers: Annotated[bool, typer.Option("--keep-outliers", help="Keep views that disagree with the rest.")] = (
-        False
-    )
-    views: Annotated[int, typer.Option(help="Number of frames to select from a clip.", min=3)] = 20
-    examine: Annotated[int, typer.Option(help="Number of frames of a clip to examine.", min=3)] = 200

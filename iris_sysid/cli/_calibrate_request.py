@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal, TypeVar
+from typing import Literal
 
-from iris_sysid.calibration.board.calibrate import BoardPlacement, CameraOptions, camera_of
+from iris_sysid.calibration.board.calibrate import BoardPlacement, camera_of
 from iris_sysid.calibration.calibration_json import read_calibration
 from iris_sysid.calibration.camera import CameraCalibration
 from iris_sysid.calibration.request import CalibrationRequest
@@ -15,8 +15,7 @@ from iris_sysid.cli import _parsing
 from iris_sysid.cli._calibrate_arguments import BoardArguments, CameraArguments
 from iris_sysid.errors import CalibrationError
 
-Name = TypeVar("Name", bound=str)
-UPWARD: dict[str, Literal["image", "board"]] = {"image": "image", "picture": "image", "board": "board"}
+UPWARD: dict[str, Literal["image", "board"]] = {"image": "image", "board": "board"}
 
 
 def request_of(
@@ -39,14 +38,7 @@ def request_of(
         offset_stderr_m=offset.stderr if offset else 0.0,
         distance_m=distance.value if distance else None,
         distance_stderr_m=distance.stderr if distance else 0.0,
-        up=_choice(board.up, UPWARD, "--up"),
-    )
-    options = CameraOptions(
-        lens=None if camera.lens is None else tuple(filter(None, camera.lens.replace(" ", "").split(","))),
-        square_pixels=not camera.free_aspect,
-        drop_outliers=not camera.keep_outliers,
-        count=camera.views,
-        examine=max(camera.examine, camera.views),
+        up=_upward(board.up),
     )
     return CalibrationRequest(
         sources=tuple(sources),
@@ -54,7 +46,6 @@ def request_of(
         placement=placement,
         camera=_camera(camera),
         one_image=board.one_image,
-        options=options,
         plumb_px=None if plumb is None else _parsing.two_points(plumb),
         clip=over,
     )
@@ -66,10 +57,10 @@ def _view_named(text: str | None) -> int | Path | None:
     return int(text) if text.isascii() and text.isdigit() else Path(text)
 
 
-def _choice(text: str, choices: dict[str, Name], option: str) -> Name:
-    if text not in choices:
-        raise CalibrationError(f"{option} must be {' or '.join(dict.fromkeys(choices.values()))}, not {text!r}")
-    return choices[text]
+def _upward(text: str) -> Literal["image", "board"]:
+    if text not in UPWARD:
+        raise CalibrationError(f"--up must be {' or '.join(UPWARD)}, not {text!r}")
+    return UPWARD[text]
 
 
 def _camera(camera: CameraArguments) -> CameraCalibration | None:

@@ -70,7 +70,7 @@ def _with_own(common: Sequence[str], own: Sequence[str]) -> list[str]:
 
 
 def _scale_of(given: Mapping[str, str]) -> dict[str, Any]:
-    """The scale of one group, in place of any other; empty where it has none of its own."""
+    """The scale of one group, in place of any other; empty where the group states none."""
     own: dict[str, Any] = {name: given.get(name) for name in ("scale", "scale_bar", "calibration")}
     if own["calibration"] is not None:
         own["calibration"] = Path(own["calibration"])

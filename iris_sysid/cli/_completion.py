@@ -11,7 +11,7 @@ BASH = "complete_bash"
 
 
 def drop_equals() -> None:
-    """Complete ``--model=li`` as ``--model li``: bash hands over the equals sign as a word of its own."""
+    """Complete ``--model=li`` as ``--model li``: bash hands over the equals sign as a separate word."""
     if os.environ.get("_IRIS_SYSID_COMPLETE") == BASH:
         with suppress(ValueError):  # a quote is still open
             words, current = shlex.split(os.environ["COMP_WORDS"]), int(os.environ["COMP_CWORD"])

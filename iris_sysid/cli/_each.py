@@ -46,8 +46,8 @@ class SearchArguments:
             autocompletion=_completion.phenomena,
         ),
     ] = None
-    effect: Annotated[list[str], typer.Option("--effect", help="Try an effect of your own as well: FILE.py:NAME.")] = (
-        field(default_factory=list)
+    effect: Annotated[list[str], typer.Option("--effect", help="Try your own effect as well: FILE.py:NAME.")] = field(
+        default_factory=list
     )
     sensor: Annotated[
         str | None,
@@ -66,7 +66,7 @@ class SearchArguments:
         list[str],
         typer.Option(
             "--keep-component",
-            help="Keep this part of the residual as an effect of its own: zero-wander. The error after is with it.",
+            help="Keep this part of the residual as an effect: zero-wander. The error after is with it.",
         ),
     ] = field(default_factory=list)
 

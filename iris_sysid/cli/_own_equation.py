@@ -34,7 +34,7 @@ def check_one(stated: EquationArguments, other: str | None = None) -> None:
     if model is not None and stated.equation is not None:
         raise DataError("give --model or --equation, not both")
     if stated.bound and stated.equation is None:
-        raise DataError("--bound is about the parameters of --equation; a registered model has bounds of its own")
+        raise DataError("--bound is about the parameters of --equation; a registered model has its own bounds")
     parsed_bounds(stated.bound)
     if stated.equation is not None:
         from fitters.own_model.equation import quantities_of_equation

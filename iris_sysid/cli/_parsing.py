@@ -23,7 +23,6 @@ from iris_sysid.types import (
     transfer_tagged,
 )
 from iris_sysid.units import (
-    ANGLES,
     FRACTIONS,
     LENGTH_EXAMPLE,
     LENGTHS,
@@ -230,11 +229,6 @@ def board(corners: str | None, square: str | None, marker: str = "", dictionary:
 def length(text: str, example: str = LENGTH_EXAMPLE) -> Measure:
     """Read a length with or without its standard error, in m."""
     return parse_measure(text, LENGTHS, example)
-
-
-def angle(text: str, example: str = "60deg+-1deg") -> Measure:
-    """Read an angle with or without its standard error, in rad."""
-    return parse_measure(text, ANGLES, example)
 
 
 def effects(texts: Sequence[str]) -> dict[str, float]:

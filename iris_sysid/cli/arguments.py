@@ -67,7 +67,7 @@ SET = typer.Option("--set", help="A known value: gravity=9.79+-0.01, length=50cm
 Settings = Annotated[list[str] | None, SET]
 Equation = Annotated[
     str | None,
-    typer.Option("--equation", help="Equation of motion of your own: \"theta'' = -g/L*sin(theta) - c*theta'\"."),
+    typer.Option("--equation", help="Your own equation of motion: \"theta'' = -g/L*sin(theta) - c*theta'\"."),
 ]
 Bounds = Annotated[list[str], typer.Option("--bound", help="Bounds of a parameter of --equation: L=0.1:10, or L=0: .")]
 StartingValues = Annotated[list[str], typer.Option("--start-at", help="A starting value, e.g. length=0.5.")]

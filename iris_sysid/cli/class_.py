@@ -44,7 +44,7 @@ def class_(
     """Compare the groups of a class: each group's value, what is wrong with those that stand out, the value of all.
 
     Writes class.html and class.xlsx, and a page for each group. A second run measures only groups that are new or have
-    changed. A file groups.csv in the folder gives single groups options of their own.
+    changed. A file groups.csv in the folder gives single groups their own options.
 
     \b
     Example:
@@ -57,13 +57,12 @@ def class_(
     from iris_sysid.classroom.workbook import write_workbook
     from iris_sysid.cli import _class_request
     from iris_sysid.errors import IrisError
-    from iris_sysid.io.files import check_writable
+    from iris_sysid.io.files import check_folder
     from iris_sysid.registry import PHENOMENA
     from iris_sysid.review.opening import is_result
 
-    for name in (PAGE, WORKBOOK):
-        # a folder that an interrupted run began holds groups but no page: it goes on
-        check_writable(output / name, overwrite=force or (output / "groups").is_dir())
+    # a folder that an interrupted run began holds groups but no page: it goes on
+    check_folder(output, (PAGE, WORKBOOK), overwrite=force or (output / "groups").is_dir())
     described = PHENOMENA.named(phenomenon)
     references = _class_request.references(described, expected or (), value)
     options = _class_request.ClassOptions(described, film, columns)

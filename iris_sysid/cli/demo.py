@@ -40,14 +40,15 @@ def run_demo(folder: Path, *, overwrite: bool = False, progress: Callable[[int, 
     Returns the estimates beside the truth, without and with the effect, and the paths of the pages.
     """
     from iris_sysid.diagnosis.diagnose import diagnose
-    from iris_sysid.pipeline import check_folder, run, save
+    from iris_sysid.io.files import check_folder
+    from iris_sysid.pipeline import FILES, run, save
     from iris_sysid.report import diagnosis_files, diagnosis_page
     from iris_sysid.report.diagnosis_text import diagnosis_text
     from iris_sysid.report.text import residual_text, verdict_lines
 
     report, diagnosis_folder = folder / "report", folder / "diagnosis"
-    check_folder(report, overwrite=overwrite)
-    diagnosis_files.check_folder(diagnosis_folder, overwrite=overwrite)
+    check_folder(report, FILES, overwrite=overwrite)
+    check_folder(diagnosis_folder, diagnosis_files.FILES, overwrite=overwrite)
     clip, truth = render_demo(folder, progress=progress, overwrite=overwrite)
     result = run(clip, "pendulum")
     diagnosis = diagnose(result.trajectory, result.fit.model, free=result.phenomenon.free)

@@ -70,9 +70,10 @@ def diagnose(
     """
     from iris_sysid.benchmark.clip_folders import is_dataset, tables_in
     from iris_sysid.cli import _each, _model_choice, _parsing, _records
+    from iris_sysid.io.files import check_folder
     from iris_sysid.io.json_documents import document_text
     from iris_sysid.registry import EFFECTS, MODELS
-    from iris_sysid.report.diagnosis_files import check_folder
+    from iris_sysid.report.diagnosis_files import FILES
 
     record = _records.checked(record)
     if each:
@@ -86,7 +87,7 @@ def diagnose(
         parallel = {"--workers": work.workers, "--scheduler": work.scheduler}
         _terminal.refuse(parallel, "belongs to --each and to data sets; several tables at once are one fit")
     processes = _terminal.workers_of(work)
-    check_folder(output, overwrite=force)
+    check_folder(output, FILES, overwrite=force)
     described, free_by_default = _model_choice.stated_model(stated, search.phenomenon, clips, record)
     fixed = _parsing.settings(stated.known, described.units())
     limits, sensor = search.limits(), _parsing.sensor(search.sensor)

@@ -93,7 +93,7 @@ def gt(
 
 
 def _rows(document: "ParametersDocument", measurements: "Measurements") -> list[dict[str, str]]:
-    """One row for each parameter of each setting: its value with its error, and what speaks against it."""
+    """One row for each parameter of each setting: its value with its error, and the doubts about it."""
     from iris_sysid.benchmark.groundtruth.verdicts import SettingVerdict, verdict_on
     from iris_sysid.io.schemas import number
     from iris_sysid.report.text import with_error

@@ -7,16 +7,16 @@ from iris_sysid.cli.arguments import Json
 
 
 def list_names(json: Json = False) -> None:
-    """List phenomena, models, effects, trackers and scenes. Scenes are what can be rendered.
+    """List phenomena, models, effects, trackers with their stages, and scenes. Scenes are what can be rendered.
 
     \b
     Example:
       iris-sysid list
     """
-    from iris_sysid.registry import EFFECTS, MODELS, PHENOMENA, TRACKERS
+    from iris_sysid.registry import DETECTORS, EFFECTS, LINKERS, MEASURERS, MODELS, PHENOMENA, TRACKERS
     from iris_sysid.synthetic.scene import SCENES
 
-    registries = (PHENOMENA, MODELS, EFFECTS, TRACKERS, SCENES)
+    registries = (PHENOMENA, MODELS, EFFECTS, TRACKERS, DETECTORS, LINKERS, MEASURERS, SCENES)
     rows = [
         {"kind": registry.kind, "name": name, "summary": summary}
         for registry in registries

@@ -123,9 +123,11 @@ def _after_a_clip(
 ) -> None:
     """Rank the changes, and weigh the effects with a new clip where there is one."""
     from iris_sysid.benchmark.clip_folders import tables_in
+    from iris_sysid.io.files import check_folder
     from iris_sysid.io.json_documents import document_text
 
-    _check_folder(output, force)
+    if output is not None:
+        check_folder(output, FILES, overwrite=force)
     clips = [table for clip in clips for table in tables_in(clip)]
     stated = _stated(changes.change)
     costs, errors = dict(map(_number, changes.cost)), dict(map(_error, changes.precise))
@@ -160,24 +162,17 @@ def _after_a_clip(
     typer.echo(document_text(written).rstrip("\n") if json else said)
 
 
-def _check_folder(folder: Path | None, force: bool) -> None:
-    """Raise OutputError before any work where a result could not be written."""
-    from iris_sysid.io.files import check_writable
-
-    for file in FILES if folder is not None else ():
-        check_writable(Path(folder or ".") / file, overwrite=force)
-
-
 def _before_any_clip(
     to: str, camera: FilmingArguments, known: list[str], output: Path | None, force: bool, json: bool
 ) -> None:
     """Print the detection limits of the effect ``to``."""
     from iris_sysid.cli import _parsing
-    from iris_sysid.io.files import write_atomic
+    from iris_sysid.io.files import check_folder, write_atomic
     from iris_sysid.io.json_documents import document_text
     from iris_sysid.registry import EFFECTS, MODELS, PHENOMENA
 
-    _check_folder(output, force)
+    if output is not None:
+        check_folder(output, FILES, overwrite=force)
     if camera.phenomenon is None:
         raise typer.BadParameter("--to needs --phenomenon")
     effect, _, size = to.partition("=")

@@ -82,13 +82,12 @@ def _seal(
     from fitters.validation_record import cut_record
     from iris_sysid.cli import _records
     from iris_sysid.io.csv_write import write_trajectory
-    from iris_sysid.io.files import check_writable
+    from iris_sysid.io.files import check_folder
     from iris_sysid.io.sealed_record import seal
 
     if output is None:
         raise typer.BadParameter("Missing option '-o': the folder for estimation.csv and test.sealed")
-    for name in (ESTIMATION, TEST):
-        check_writable(output / name, overwrite=force)
+    check_folder(output, (ESTIMATION, TEST), overwrite=force)
     (clip,) = _terminal.read_tables(
         [table], RecordArguments(_records.with_sample_time(columns, sample_time), keep_clipped=True)
     )

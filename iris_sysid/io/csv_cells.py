@@ -32,7 +32,7 @@ UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 
 
 class PackedCells:
-    """The cells of a column, thousands in one text: a text of its own takes six times the content of a cell."""
+    """The cells of a column, thousands in one text: a separate text takes six times the content of a cell."""
 
     __slots__ = ("_blocks", "_size")
 

@@ -86,7 +86,7 @@ def _times(sheet: Sheet, rows: Sequence[int] | None = None) -> Array:
         before, row = rows[late[0]], rows[late[0] + 1]
         problem = f"is not later than {float(times[before])!r} in line {sheet.lines[before]}"
         again = times[row] <= times[rows[0]] + abs(times[rows[-1]]) * 1e-3
-        remedy = "several runs below each other? write each to a table of its own" if again else SORTED
+        remedy = "several runs below each other? write each to a separate table" if again else SORTED
         sheet.refuse("t_s", row, f"{problem}; {remedy}")
     return own
 

@@ -11,7 +11,7 @@ import platform
 import secrets
 import stat
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
@@ -65,6 +65,13 @@ def check_writable(path: str | Path, *, overwrite: bool = False) -> Path:
     if not os.access(parent, os.W_OK | os.X_OK):
         raise OutputError(f"cannot write {path}: no permission to write in {parent}; choose another folder")
     return target
+
+
+def check_folder(folder: str | Path, names: Iterable[str], *, overwrite: bool = False) -> Path:
+    """Raise OutputError as :func:`check_writable` where a file of these ``names`` cannot be written into a folder."""
+    for name in names:
+        check_writable(Path(folder) / name, overwrite=overwrite)
+    return Path(folder)
 
 
 def _check_target(path: str | Path, target: Path, *, overwrite: bool) -> None:

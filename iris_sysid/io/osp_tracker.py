@@ -191,7 +191,7 @@ def _check_size(size: int, label: str) -> None:
 
 
 def _panel(xml: bytes, label: str) -> Element:
-    """The project's root object, parsed without any document type or entity of its own."""
+    """The project's root object, parsed with document types and entities refused."""
 
     def refuse(*declaration: object) -> None:
         raise CalibrationError(f"{label} declares a document type or entities, which no Tracker project does; not read")

@@ -53,7 +53,7 @@ def read_private(name: str) -> bytes | None:
 def write_private(name: str, content: bytes) -> bool:
     """Keep content under a name (64 hexadecimal digits), whole or not at all; whether it was kept.
 
-    Two processes may do so at once: each writes a file of its own and puts it in place in one step.
+    Two processes may do so at once: each writes its own file and puts it in place in one step.
     """
     with suppress(OSError):
         file = _private(name, create=True)

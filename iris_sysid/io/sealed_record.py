@@ -1,4 +1,4 @@
-"""A test record that nothing but a look opens: sealed in a file that no other command reads, and each look logged.
+"""A test record that only a look opens: sealed in a file that no other command reads, and each look logged.
 
 Beside ``test.sealed`` the file ``test.sealed.looks`` holds one line of JSON a look: its number, the time, the SHA-256
 of the record and of the frozen model, and that of all lines before it. The line is written before the record is opened,

@@ -216,7 +216,7 @@ def _split_header(
 
 
 def _is_sample(row: Sequence[str], decimal_comma: bool) -> bool:
-    """Whether a row holds measurements: two numbers or more, or nothing but numbers."""
+    """Whether a row holds measurements: two numbers or more, or numbers only."""
     filled = [cell for cell in row if cell not in BLANK]
     numbers = sum(_is_number(cell, decimal_comma) for cell in filled)
     return numbers >= 2 or 0 < numbers == len(filled)

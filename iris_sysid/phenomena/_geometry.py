@@ -15,12 +15,13 @@ from typing import Literal
 import numpy as np
 
 from iris_sysid.errors import DataError
-from iris_sysid.types import Array, Estimate, Mask
+from iris_sysid.types import Array, Estimate, Mask, Trajectory
 
 NORMAL_MAD = 1.4826  # median absolute deviation to standard deviation of a normal
 OUTLYING = 5.0  # standard deviations: a normal residual exceeds it once in two million samples
 TURNS = 10  # rounds of rejecting outliers; two or three are usual
 DETERMINED = 3.0  # standard errors by which the curvature must differ from zero
+NEAR_THE_TOP = 2.6  # rad; below it no full turn is possible, and a gap must not be unwrapped as one
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -127,6 +128,34 @@ def circle_about(x: Estimate, z: Estimate, position: Array, sigma: float = 0.0) 
     covariance[2, 2] = own + towards**2 @ np.diag(covariance)[:2]
     radius = float(distance[belongs].mean())
     return Circle(x.value, z.value, radius, covariance, distance - radius, float(np.std(off[belongs])), belongs)
+
+
+def circle_of(body: Trajectory, used: Mask, radius: Estimate | None) -> Circle:
+    """The circle through the ``used`` samples (n,) of a body, x and z, of a known ``radius`` where there is one."""
+    position, noise = body.position[used, :2], noise_of(body, used)
+    if radius is None:
+        return fit_circle(position, noise)
+    return fit_circle(position, noise, radius.value, radius.stderr)
+
+
+def noise_of(body: Trajectory, used: Mask) -> float:
+    """The usual standard error of the ``used`` samples (n,) of a body, in its unit; 0 where none is known."""
+    sigma = body.sigma[used, :2]
+    return float(np.median(sigma[np.isfinite(sigma)])) if np.isfinite(sigma).any() else 0.0
+
+
+def angles_about(circle: Circle, body: Trajectory) -> tuple[Array, Array]:
+    """The angle of a ``body`` from straight down about the centre of a ``circle``, and its random error across it.
+
+    Both (n,), rad; NaN in gaps.
+    """
+    across, up = body.position[:, 0] - circle.x, body.position[:, 1] - circle.z
+    theta = np.arctan2(across, -up)
+    seen = np.flatnonzero(body.valid)
+    if np.any(np.abs(theta[seen]) > NEAR_THE_TOP):
+        theta[seen] = np.unwrap(theta[seen])
+    tangential = np.hypot(body.sigma[:, 0] * np.cos(theta), body.sigma[:, 1] * np.sin(theta))
+    return theta, tangential / np.hypot(across, up)
 
 
 def _taubin(position: Array) -> Array:

@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from iris_sysid.errors import DataError
-from iris_sysid.phenomena._geometry import Circle, fit_circle
-from iris_sysid.types import Array, Estimate, Mask, Quantity, Segment, Trajectory
+from iris_sysid.phenomena._geometry import Circle, angles_about, circle_of
+from iris_sysid.types import Estimate, Mask, Quantity, Segment, Trajectory
 
 TAUT = 3  # samples on their arcs in a row after which the cords count as taut
 MIN_SAMPLES = 8  # samples of each body
@@ -49,7 +49,7 @@ def observe_pair(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) 
     if free.sum() < MIN_SAMPLES:
         raise DataError(f"both bodies move free of a hand in {int(free.sum())} frames only, {MIN_SAMPLES} are needed")
     circles = _circles((first, second), free, settings)
-    angles = [_angle(body, circle) for body, circle in zip((first, second), circles, strict=True)]
+    angles = [angles_about(circle, body) for body, circle in zip((first, second), circles, strict=True)]
     taut = free.copy()
     for circle in circles:
         taut[free] &= circle.belongs
@@ -95,7 +95,7 @@ def _circles(
     outcomes: list[Circle | DataError] = []
     for body in bodies:
         try:
-            outcomes.append(_circle(body, free, given))
+            outcomes.append(circle_of(body, free, given))
         except DataError as error:
             outcomes.append(error)
     good = [outcome for outcome in outcomes if isinstance(outcome, Circle)]
@@ -103,26 +103,10 @@ def _circles(
         raise outcomes[0]
     radius = Estimate(good[0].radius, float(good[0].stderr[2]), unit)
     first, second = (
-        outcome if isinstance(outcome, Circle) else _circle(body, free, radius)
+        outcome if isinstance(outcome, Circle) else circle_of(body, free, radius)
         for outcome, body in zip(outcomes, bodies, strict=True)
     )
     return first, second
-
-
-def _circle(body: Trajectory, free: Mask, radius: Estimate | None) -> Circle:
-    position, sigma = body.position[free, :2], body.sigma[free, :2]
-    noise = float(np.median(sigma[np.isfinite(sigma)])) if np.isfinite(sigma).any() else 0.0
-    if radius is None:
-        return fit_circle(position, noise)
-    return fit_circle(position, noise, radius.value, radius.stderr)
-
-
-def _angle(body: Trajectory, circle: Circle) -> tuple[Array, Array]:
-    """Angle (n,) rad, NaN in gaps, and its random standard error across the cord."""
-    across, up = body.position[:, 0] - circle.x, body.position[:, 1] - circle.z
-    theta = np.arctan2(across, -up)
-    tangential = np.hypot(body.sigma[:, 0] * np.cos(theta), body.sigma[:, 1] * np.sin(theta))
-    return theta, tangential / np.hypot(across, up)
 
 
 def _segments(body: Trajectory, free: Mask, taut: Mask) -> tuple[Segment, ...]:

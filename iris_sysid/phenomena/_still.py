@@ -16,7 +16,7 @@ MAX_RATIO = 0.8  # times the squared residual of a single parabola: rest is acce
 def without_still_start(body: Trajectory) -> Trajectory:
     """The trajectory with constant samples at the start of its motion labelled as rest.
 
-    Fits a constant up to a sample and a parabola from there on, for every sample of the motion; the best of these fits
+    Fits a constant up to a sample and a parabola after it, for every sample of the motion; the best of these fits
     is taken where its residual is much smaller than that of one parabola through all samples.
     """
     segments = [_split(segment, body) if segment.label == "motion" else [segment] for segment in body.segments]

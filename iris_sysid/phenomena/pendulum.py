@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iris_sysid.errors import DataError
-from iris_sysid.phenomena._geometry import Circle, circle_about, fit_circle
+from iris_sysid.phenomena._geometry import Circle, angles_about, circle_about, circle_of, noise_of
 from iris_sysid.phenomena._motion import in_motion, only_body, stated, stated_length
 from iris_sysid.types import Array, BenchmarkClass, Estimate, FitResult, Mask, Phenomenon, Quantity, Segment, Trajectory
 
@@ -25,7 +25,6 @@ TAUT = 3  # consecutive samples on the arc after which the cord counts as taut
 RADIUS = ("arc_radius", "length")  # settings that give the arc's radius, in order of preference
 CONTRADICTED, ALIKE = 3.0, 0.2  # standard errors and share of the arc's radius by which a length may differ from it
 FASTEST = 0.95  # quantile of the rates that stands for the largest one: a single rate may be an error
-NEAR_THE_TOP = 2.6  # rad; below it no full turn is possible, and a gap must not be unwrapped as one
 
 
 def observe(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Trajectory:
@@ -59,7 +58,7 @@ def observe(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Tr
     belongs[used] = circle.belongs
     off = np.zeros(body.n)
     off[used] = circle.off
-    theta, sigma = _angles(body, circle)
+    theta, sigma = angles_about(circle, body)
     return body.with_(
         quantities=(Quantity("theta", "rad", r"\theta"),),
         position=theta[:, None],
@@ -72,19 +71,12 @@ def observe(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Tr
 
 
 def _circle(body: Trajectory, used: Mask, settings: Mapping[str, Estimate]) -> Circle:
-    unit = body.quantities[0].unit
-    position = body.position[used, :2]
-    sigma = body.sigma[used, :2]
-    noise = float(np.median(sigma[np.isfinite(sigma)])) if np.isfinite(sigma).any() else 0.0
     height = settings.get("pivot_z", settings.get("pivot_y"))
     if ("pivot_x" in settings) != (height is not None):
         raise DataError("a pivot needs both pivot_x and pivot_z")
     if height is not None:
-        return circle_about(settings["pivot_x"], height, position, noise)
-    radius = _stated_radius(settings, unit)
-    if radius is None:
-        return fit_circle(position, noise)
-    return fit_circle(position, noise, radius.value, radius.stderr)
+        return circle_about(settings["pivot_x"], height, body.position[used, :2], noise_of(body, used))
+    return circle_of(body, used, _stated_radius(settings, body.quantities[0].unit))
 
 
 def _stated_radius(settings: Mapping[str, Estimate], unit: str) -> Estimate | None:
@@ -93,17 +85,6 @@ def _stated_radius(settings: Mapping[str, Estimate], unit: str) -> Estimate | No
         name for name in RADIUS if name == "arc_radius" or (name in settings and settings[name].unit in (unit, ""))
     ]
     return stated_length(settings, usable, unit)
-
-
-def _angles(body: Trajectory, circle: Circle) -> tuple[Array, Array]:
-    """Theta (n,) rad, NaN in gaps, and its random standard error."""
-    across, up = body.position[:, 0] - circle.x, body.position[:, 1] - circle.z
-    theta = np.arctan2(across, -up)
-    seen = np.flatnonzero(body.valid)
-    if np.any(np.abs(theta[seen]) > NEAR_THE_TOP):
-        theta[seen] = np.unwrap(theta[seen])
-    tangential = np.hypot(body.sigma[:, 0] * np.cos(theta), body.sigma[:, 1] * np.sin(theta))
-    return theta, tangential / np.hypot(across, up)
 
 
 def _geometry(circle: Circle, body: Trajectory, theta: Array, settings: Mapping[str, Estimate]) -> dict[str, Estimate]:

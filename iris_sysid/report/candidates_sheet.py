@@ -24,7 +24,7 @@ Picture = NDArray[np.uint8]
 def write_candidates(
     video: FrameSource, candidates: Sequence[TrackCandidate], path: str | Path, *, overwrite: bool = False
 ) -> Path:
-    """Draw one row for each candidate: what speaks for and against it, then frames of the clip with its tracks.
+    """Draw one row for each candidate: the evidence for and against it, then frames of the clip with its tracks.
 
     Parameters
     ----------

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from iris_sysid.io.files import check_writable, write_atomic
+from iris_sysid.io.files import check_folder, write_atomic
 from iris_sysid.report.budget import budget_sections, calibration_section
 from iris_sysid.report.chart import Chart
 from iris_sysid.report.figures import fit_figure, track_figure
@@ -83,11 +83,10 @@ def write_page(page: Page, folder: str | Path, *, overwrite: bool = False) -> Pa
         The page.
     """
     files = {f"{image.name}.png": image.png for image in page.images} | {"report.html": html_of(page)}
-    for name in files:
-        check_writable(Path(folder) / name, overwrite=overwrite)
+    folder = check_folder(folder, files, overwrite=overwrite)
     for name, content in files.items():
-        write_atomic(Path(folder) / name, content, overwrite=overwrite)
-    return Path(folder) / "report.html"
+        write_atomic(folder / name, content, overwrite=overwrite)
+    return folder / "report.html"
 
 
 def clip_page(run: Run) -> Page:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from iris_sysid.diagnosis.planning.plan import Plan
 from iris_sysid.io.discovery_json import term_entry
+from iris_sysid.io.files import check_folder
 from iris_sysid.io.json_documents import (
     checked,
     entries_of,
@@ -20,7 +21,7 @@ from iris_sysid.report.clip_page import MAX_VALUES, write_page
 from iris_sysid.report.component_figure import component_caption, component_figure
 from iris_sysid.report.component_table import parts_sections
 from iris_sysid.report.diagnosis_charts import component_bars, component_charts, residual_charts, state_image
-from iris_sysid.report.diagnosis_files import check_folder
+from iris_sysid.report.diagnosis_files import FILES
 from iris_sysid.report.diagnosis_tables import WITH, WITHOUT, diagnosis_sections
 from iris_sysid.report.diagnosis_text import diagnosis_sentence, diagnosis_sentences, finding_sentence, spoken
 from iris_sysid.report.film import Film, Filmed, film_of
@@ -69,7 +70,7 @@ def write_diagnosis(
     Path
         The page, written last.
     """
-    folder = check_folder(folder, overwrite=overwrite)
+    folder = check_folder(folder, FILES, overwrite=overwrite)
     clips = [trajectories] if isinstance(trajectories, Trajectory) else list(trajectories)
     write_document(diagnosis_document(diagnosis, clips, validated), folder / "diagnosis.json", overwrite=overwrite)
     if planned is not None:

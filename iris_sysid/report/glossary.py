@@ -10,7 +10,7 @@ TERMS: Mapping[str, str] = {
     "noise": "Random scatter of the measurement, estimated without the equation; no residual can be smaller.",
     "standard error": "The number after ±: it holds the truth in 2 of 3 measurements, twice it in 19 of 20.",
     "95 % interval": "The range that holds the true value in 19 of 20 such measurements.",
-    "usable": "No evidence speaks against the number: it can be used with its standard error.",
+    "usable": "There is no evidence against the number: it can be used with its standard error.",
     "doubtful": "Some evidence says that the number may be wrong, or that the data do not determine it.",
     "equation complete": "The residual is no more than noise, as far as these data can show.",
     "equation incomplete": "The residual is more than noise: the equation lacks something, for which the errors allow.",

@@ -212,7 +212,7 @@ def _swapped(tracks: Tracks, edit: Swap) -> Tracks:
 
 
 def _with_end_of(track: Track, other: Track, row: int) -> Track:
-    """The track up to a row, and another from there on."""
+    """The track up to a row, and another after it."""
     changes: dict[str, Any] = {}
     for name, absent in PER_FRAME.items():
         own, others = getattr(track, name), getattr(other, name)
@@ -255,5 +255,5 @@ def in_frame_px(track: Track) -> Array:
 
 
 def doubts_of(track: Track) -> tuple[Doubt, ...]:
-    """What speaks against a track."""
+    """Evidence against a track."""
     return (track.quality or TrackQuality()).doubts

@@ -95,7 +95,7 @@ def _of_track(track: Track, tracks: Sequence[Track], image_size: tuple[int, int]
 
 
 def _of_quality(track: Track) -> Iterable[FrameQuestion]:
-    """What speaks against a whole track, once for each stretch in which it follows one thing: one look tells there."""
+    """Evidence against a whole track, once for each stretch in which it follows one object: one look tells there."""
     doubts = doubts_of(track)
     if not doubts:
         return

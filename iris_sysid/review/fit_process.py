@@ -1,4 +1,4 @@
-"""A fit in a process of its own: the page goes on as fast as without it, and a fit that an edit made old is ended."""
+"""A fit in a separate process: the page goes on as fast as without it, and a fit that an edit made old is ended."""
 
 from __future__ import annotations
 

@@ -164,7 +164,7 @@ class History:
 
     @property
     def can_undo(self) -> bool:
-        """Whether there is an edit to undo; the first tracks are none, for nothing would be left."""
+        """Whether there is an edit to undo; the first tracks are not one, as nothing would be left."""
         return self._count > 0 and not (self._count == 1 and isinstance(self._edits[0], Tracked))
 
     @property

@@ -117,7 +117,7 @@ def _open_run(folder: Path, clip: Path | None, calibration: Calibration | None) 
 
 
 def _copy_track(tracks: Sequence[Track], folder: Path, file: str) -> None:
-    """Keep the tracks of a run, which a save replaces, in a ``file`` of their own."""
+    """Keep the tracks of a run, which a save replaces, in a separate ``file``."""
     if not side_car_of(folder / TRACK).is_file():
         write_track(tracks, folder / file)  # with the file beside it, which says that the table was typed by hand
         return
@@ -140,7 +140,7 @@ def _begin(session: Session, request: ReviewRequest) -> None:
 
 
 def _plain(request: ReviewRequest) -> dict[str, Any]:
-    """The request as the log holds it; its scale is in a file of its own."""
+    """The request as the log holds it; its scale is in a separate file."""
     if request.phenomenon is None:
         clip, tracking = request.clip, request.tracking
         times = {"fps": clip.fps, "start_s": clip.start_s, "stop_s": clip.stop_s, "keep_partial": clip.keep_partial}

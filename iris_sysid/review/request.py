@@ -24,7 +24,7 @@ from iris_sysid.types import (
 class ReviewRequest(RunRequest):
     """The options of a run; ``phenomenon`` is None until it is chosen, and nothing is fitted before.
 
-    ``ignored`` are marks on things that are not bodies, such as a hand.
+    ``ignored`` are marks on objects that are not bodies, such as a hand.
     """
 
     ignored: tuple[TrackMark, ...] = ()

@@ -400,7 +400,7 @@ def followed(video: Video, request: ReviewRequest, options: TrackOptions) -> lis
     Raises
     ------
     TrackingError
-        When the bodies cannot be followed, or nothing but what is to be ignored is found.
+        When the bodies cannot be followed, or only what is to be ignored is found.
     """
     hands = _with_names(request.ignored)
     if not hands:
@@ -410,7 +410,7 @@ def followed(video: Video, request: ReviewRequest, options: TrackOptions) -> lis
     try:
         tracks = pipeline.track(video, request.tracker, more)
     except TrackingError:
-        tracks = pipeline.track(video, request.tracker, options)  # the tracker finds fewer things
+        tracks = pipeline.track(video, request.tracker, options)  # the tracker finds fewer objects
     left = [track for track in tracks if not any(passes(track, hand) for hand in hands)]
     if not left:
         raise TrackingError("nothing was found but what is to be ignored; show the body in a frame or two")
@@ -419,7 +419,7 @@ def followed(video: Video, request: ReviewRequest, options: TrackOptions) -> lis
 
 
 def _with_names(ignored: Sequence[TrackMark]) -> list[TrackMark]:
-    """The marks of one thing in several frames under one name; those in one frame are different things."""
+    """The marks of one object in several frames under one name; those in one frame are different objects."""
     seen: Counter[int] = Counter()
     named = []
     for mark in ignored:

@@ -61,28 +61,6 @@ class Canvas:
         self.top, self.bottom = self.height, 0
 
 
-def coverage(polygon_px: Array, width: int, height: int) -> Array:
-    """Fraction of each pixel that lies inside a polygon, exactly.
-
-    Parameters
-    ----------
-    polygon_px
-        Vertices (v, 2) px, x right, y down, origin at the centre of pixel (0, 0).
-    width, height
-        Size of the grid.
-
-    Returns
-    -------
-    Array
-        (height, width), from 0 to 1.
-    """
-    canvas = Canvas(width, height)
-    canvas.add(np.asarray(polygon_px, dtype=np.float64)[np.newaxis], np.ones(1))
-    out = np.zeros((height, width), dtype=np.float32)
-    blend(out, canvas, 1.0, 1.0, NO_SHADING)
-    return out.astype(np.float64)
-
-
 # Shading: centre x, y (px), 1/radius, light gradient along x and y, darkening towards the limb.
 NO_SHADING: Array = np.zeros(6)
 

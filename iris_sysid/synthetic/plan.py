@@ -191,7 +191,7 @@ def check_clip(size: tuple[int, int], fps: float, duration_s: float, seed: int) 
         Of its chance.
     """
     if not isinstance(seed, int) or seed < 0:
-        raise DataError(f"seed must be a whole number from 0 on, not {seed!r}")
+        raise DataError(f"seed must be a whole number of at least 0, not {seed!r}")
     if len(size) != 2 or not all(_is_side(side) for side in size):
         raise DataError(f"size must be two even numbers from {MIN_SIDE_PX} to {MAX_SIDE_PX}, not {size}")
     if not (isinstance(fps, int | float) and 0.1 <= fps <= 1000):

@@ -150,7 +150,7 @@ def floor(level_m: float, left_m: float, right_m: float, bottom_m: float) -> lis
     Parameters
     ----------
     level_m
-        Height at which things stand.
+        Height at which the props stand.
     left_m, right_m, bottom_m
         Its length; it extends beyond the image.
     """

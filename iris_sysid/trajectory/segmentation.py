@@ -35,7 +35,7 @@ def segment(world: Trajectory, *, hand: Mask | None = None, kind: MotionKind = "
     """Label the samples hand, release, motion, contact or rest, and say why in ``Segment.reason``.
 
     Rest is a speed that cannot be told from zero for a while. Contact is a jump of the velocity that parabolas fitted
-    to either side agree on; it is placed where these fit best, so that the mere start of an acceleration is none.
+    to either side agree on; it is placed where these fit best, so that the mere start of an acceleration is not one.
     Motion is one stretch between those:
 
     - ``oscillation`` and ``any``: the longest.

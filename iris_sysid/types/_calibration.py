@@ -35,8 +35,8 @@ class Calibration(Portable):
     over frames does not shrink it. They are independent and add up to ``covariance``. ``image_size`` (width, height) px
     is that of the images it is valid for, None where it was not made from images. ``vertical_source`` is how the
     direction of gravity was determined. ``fixed`` lists in words what else the data determined, ``assumed`` the
-    assumptions, ``notes`` other remarks, ``doubts`` what speaks against it. ``rms_px`` is the root mean square residual
-    of the board's corners, NaN without a board.
+    assumptions, ``notes`` other remarks, ``doubts`` the evidence against it. ``rms_px`` is the root mean square
+    residual of the board's corners, NaN without a board.
     """
 
     homography: Array

@@ -201,5 +201,5 @@ class TrackCandidate:
 
     @property
     def doubtful(self) -> bool:
-        """Whether there is no track, or some evidence speaks against one of them."""
+        """Whether there is no track, or there is evidence against one of them."""
         return not self.tracks or any(track.quality is None or track.quality.doubtful for track in self.tracks)

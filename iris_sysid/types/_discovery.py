@@ -37,7 +37,7 @@ class DiscoveredTerm:
 
 
 def _weakness(term: DiscoveredTerm) -> str:
-    """Why a selected term may not be there; empty where nothing speaks against it."""
+    """Why a selected term may not be there; empty where there is no reason."""
     low, high = term.coefficient.interval
     name = f"{term.term} in {term.equation}"
     if term.inclusion < STABLE:

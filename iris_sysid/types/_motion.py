@@ -81,7 +81,7 @@ class Trajectory(Shown, Portable):
     samples does not shrink them. ``smoothed`` is there after :func:`iris_sysid.smooth`. ``error_autocorrelation`` says
     how long the random errors of the positions last, ``first_frame`` is the number in the video of the first sample
     (None where frames were left out); both None where not known. ``sensor`` is what measured, and ``view``, where it is
-    known, how the quantities lie in the image of a camera. ``doubts`` speak against the track that it was made from.
+    known, how the quantities lie in the image of a camera. ``doubts`` are those about the track that it was made from.
     ``known`` and ``free``: constants of an equation that were stated, and those that were left open, when it was made;
     a fit of a model that has them holds or estimates them, unless told otherwise. ``origin`` records the source
     of the trajectory; nothing is computed from it.

@@ -10,7 +10,7 @@ from iris_sysid.types._verdict import Doubt
 
 @dataclass(frozen=True, slots=True)
 class TrackQuality:
-    """How far a track can be trusted: ``doubts`` is empty where no evidence speaks against it.
+    """How far a track can be trusted: ``doubts`` is empty where there is no evidence against it.
 
     ``evidence`` holds the shares and ratios that were judged, by name; 1 is best where it is a share.
     """

@@ -18,7 +18,7 @@ Matrix = Literal["bt601", "bt709", "bt2020"]
 
 # Relative standard uncertainties of the exponent that undoes a camera's curve (GUM, type B). Over codes from 0.1 to 1
 # BT.709's curve is undone by an exponent of about 1.77, sRGB's by 2.1; cameras write the tag of BT.709 and follow
-# either, or a profile of their own: 0.1 keeps sRGB's within two standard errors. Without a tag anything from 1.5 to
+# either, or their own profile: 0.1 keeps sRGB's within two standard errors. Without a tag anything from 1.5 to
 # 2.7 is likely, a half width of 0.28 of 2.1, over the square root of three.
 TAG_STDERR, ASSUMED_STDERR, LINEAR_STDERR = 0.10, 0.16, 0.01
 ALPHA, BETA = 1.09929682680944, 0.018053968510807  # ITU-R BT.2020, table 4: BT.709's curve, joined smoothly

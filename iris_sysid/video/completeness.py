@@ -31,7 +31,7 @@ class Promise:
 
 @dataclass(slots=True)
 class StreamCounts:
-    """Content read so far: packets, those of them without an image of their own, and images."""
+    """Content read so far: packets, those of them without an image, and images."""
 
     packets: int = 0
     silent: int = 0

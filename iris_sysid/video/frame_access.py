@@ -140,7 +140,7 @@ class FrameAccess:
                 finally:
                     self._decoding.release()
             return
-        # behind: by a decoder of its own, so that the other stays where it is
+        # behind: by a second decoder, so that the other stays where it is
         if len(missing) < (last - first) // 2 and self._last_asked - missing[-1] > self.most_held // 4:
             return  # near frames are there; wait until more are used up
         for frame in self.video.frames_from(missing[0]):

@@ -180,7 +180,7 @@ def natural_order(name: str) -> tuple[list[int | str], str]:
 
 
 def _gap_note(names: Sequence[str]) -> str:
-    """Say so when the images' numbers jump: the times are then wrong from there on."""
+    """Say so when the images' numbers jump: the times after the jump are then wrong."""
     numbers = [int((re.findall(r"\d+", name) or ["0"])[-1]) for name in names]
     steps = Counter(after - before for before, after in pairwise(numbers))
     usual = steps.most_common(1)[0][0] if steps else 0

@@ -158,13 +158,13 @@ def luma_of(image: VideoFrame, orientation: Orientation) -> Bytes:
 
 
 def bgr_of(image: VideoFrame, orientation: Orientation) -> Bytes:
-    """The image in colour, (h, w, 3) uint8 in the order blue, green, red; an array of its own."""
+    """The image in colour, (h, w, 3) uint8 in the order blue, green, red; a new array."""
     return orientation.turn(_one_moment(image, _converted(image)))
 
 
 def _converted(image: VideoFrame) -> Bytes:
     try:
-        # a converter of its own: that of the image is not safe where two threads ask for the same image
+        # a separate converter: that of the image is not safe where two threads ask for the same image
         return np.ascontiguousarray(VideoReformatter().reformat(image, format="bgr24").to_ndarray(), dtype=np.uint8)
     except (av.FFmpegError, ValueError) as error:  # of an image of one pixel, at times
         size = f"{image.width}x{image.height} px"

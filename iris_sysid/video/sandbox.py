@@ -1,7 +1,7 @@
 """Limits on memory and processor time for a process that reads files which are not trusted.
 
-Decoders are large programs in C. One that a file makes crash, or take all memory or time, ends its process: here one
-of its own, so that a command can say what happened, and a batch loses that clip alone.
+Decoders are large programs in C. One that a file makes crash, or take all memory or time, ends its process: here a
+separate one, so that a command can say what happened, and a batch loses that clip alone.
 """
 
 from __future__ import annotations

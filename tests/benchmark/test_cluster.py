@@ -1,4 +1,4 @@
-"""Batches on a real dask cluster of two workers, in folders of their own."""
+"""Batches on a real dask cluster of two workers, each in its own folder."""
 
 from __future__ import annotations
 

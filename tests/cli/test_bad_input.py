@@ -275,7 +275,7 @@ RENDER_TABLE = [
     (f"{RENDER} --seconds -1", "the clip must last at least two frames"),
     (f"{RENDER} --seconds nan", "the clip must last at least two frames"),
     (f"{RENDER} --seconds inf", "frames"),
-    (f"{RENDER} --seed -1", "seed must be a whole number from 0 on"),
+    (f"{RENDER} --seed -1", "seed must be a whole number of at least 0"),
 ]
 
 OTHER_TABLE = [

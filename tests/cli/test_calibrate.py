@@ -403,7 +403,7 @@ def test_command_takes_the_camera_of_an_earlier_calibration(made, pictures, tmp_
 
 def test_command_calibrates_from_one_image_without_a_camera(pictures, tmp_path):
     folder, _ = pictures
-    done = command(folder / "view4.png", *BOARD_OPTIONS, "--one-picture", "-o", tmp_path / "c.json")
+    done = command(folder / "view4.png", *BOARD_OPTIONS, "--one-image", "-o", tmp_path / "c.json")
     assert "assumed: view4.png, the first that shows the board, lies in its plane" in done.output
     assert "camera" not in read_calibration(tmp_path / "c.json").budget
 
@@ -457,7 +457,7 @@ def same(folder):
         (lambda k, image: image, ("--plane-view", "9"), "no image number 9; 4 were given"),
         (lambda k, image: image, ("--square", "30"), "'30' has no unit; units are m, cm, mm"),
         (lambda k, image: image, ("--up", "left"), "--up must be image or board"),
-        (lambda k, image: image, ("--one-picture", "--offset", "5cm"), "needs the distance from the camera"),
+        (lambda k, image: image, ("--one-image", "--offset", "5cm"), "needs the distance from the camera"),
     ],
 )
 def test_command_says_why_images_give_no_calibration(pictures, tmp_path, change, options, match):

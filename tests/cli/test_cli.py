@@ -42,7 +42,7 @@ def example_of(name: str) -> str:
 
 
 def process(*arguments: object, encoding: str = "utf-8", **more) -> subprocess.CompletedProcess:
-    """Run a command in a process of its own."""
+    """Run a command in a separate process."""
     command = [sys.executable, "-c", "from iris_sysid.cli import main; main()", *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, encoding=encoding, check=False, **more)
 

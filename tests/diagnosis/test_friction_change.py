@@ -13,7 +13,7 @@ START_M_S = 0.09
 
 
 def slide(rate_hz: float, noise_m: float, seed: int, *, scale: float = 1.0, unit: str = "m") -> Trajectory:
-    """Constant acceleration to the seam, and another from there on."""
+    """Constant acceleration to the seam, and another after it."""
     t_s = np.arange(0.0, 1.45, 1.0 / rate_hz)
     fast = np.sqrt(START_M_S**2 + 2 * FIRST * PLACE_M)
     crossing = (fast - START_M_S) / FIRST

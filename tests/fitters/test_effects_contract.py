@@ -123,7 +123,7 @@ def test_drag_of_a_throw_acts_along_the_speed_of_the_body():
     ("effects", "message"),
     [
         (["quadratic-drag", "quadratic-drag"], "already has quadratic_drag"),
-        (["linear-drag"], "'linear-drag' makes no sense for the model 'pendulum'"),
+        (["linear-drag"], "'linear-drag' does not apply to the model 'pendulum'; these do: .*quadratic-drag"),
     ],
 )
 def test_effect_that_cannot_be_added_is_refused(effects, message):

@@ -197,7 +197,7 @@ def test_powers_bind_as_in_mathematics():
         ("x'' = -x''", 8, "x'' must not stand on the right"),
         ("x'' = -y'", 8, "no equation gives one of y"),
         ("x'' = -x; x' = 2", 11, "x has an equation already"),
-        ("t' = 1", 1, "t has a meaning of its own"),
+        ("t' = 1", 1, "t has another meaning"),
         ("x'' = __import__('os').system('true')", 7, "__import__ cannot name anything here"),
         ("x'' = x.__class__", 9, "__class__ cannot name anything here"),
         ("x'' = [x][0]", 7, r"a number, a name or \( is expected here, not \["),

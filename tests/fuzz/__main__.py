@@ -1,6 +1,6 @@
 """Look for input that breaks a reader: ``python -m tests.fuzz --seconds 3600 [--target csv] [--engine hypothesis]``.
 
-Each target runs in a process of its own, so that a crash or a hang of one is a line of the table; atheris guides the
+Each target runs in a separate process, so that a crash or a hang of one is a line of the table; atheris guides the
 search by the lines reached where it is installed. Exit status 1 where anything but an IrisError came out.
 """
 

@@ -26,6 +26,12 @@ PATTERNS = {
     "thing": (r"\b([Aa]|[Tt]he|[Aa]nother|[Oo]ther) things?\b", "'object', or the noun of what it is"),
     "asked-for": (r"\b(is|are|was|were|than) asked for\b", "'requested'"),
     "plainly": (r"\bplainly\b", "'clearly'"),
+    "there-on": (r"\bfrom (there|then) on\b", "'after it', or the limit"),
+    "speaks": (r"\bspeaks? (for|against)\b", "'evidence against'"),
+    "of-its-own": (
+        r"\b(process(es)?|folders?|files?|tables?|pages?) of (its|their) own\b",
+        "'a separate file', 'its file'",
+    ),
     "to-be-seen": (r"\bis to be seen\b", "'is visible'"),
     "most-least": (
         r"\b(MOST|LEAST|FEWEST|LARGEST|SMALLEST|LONGEST|SHORTEST)(_[A-Z_]+)?(?= = |, [A-Z_]+ = )",
@@ -84,6 +90,9 @@ def test_list_of_known_places_only_shrinks():
         ("thing", "the track is on another thing"),
         ("asked-for", "fewer bodies move than asked for"),
         ("plainly", "the body is plainly visible"),
+        ("there-on", "wrong from there on"),
+        ("speaks", "what speaks against a track"),
+        ("of-its-own", "runs in a process of its own"),
         ("most-least", "MOST_ROWS = 5"),
         ("most-least", "FEWEST = 5"),
         ("most-least", "LARGEST_SHARE = 0.5"),

@@ -34,7 +34,7 @@ def driver(tmp_path):
 
 @contextmanager
 def served(*arguments: object) -> Iterator[str]:
-    """The command in a process of its own; gives the address that it prints."""
+    """The command in a separate process; gives the address that it prints."""
     command = [sys.executable, "-m", "iris_sysid", "review", *map(str, arguments), "--no-browser"]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
     try:

@@ -1,4 +1,4 @@
-"""A fit in a process of its own: what it gives, what it raises, and its end."""
+"""A fit in a separate process: what it gives, what it raises, and its end."""
 
 import os
 import time

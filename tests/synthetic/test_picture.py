@@ -9,7 +9,7 @@ from iris_sysid.errors import DataError
 from iris_sysid.synthetic import Look
 from iris_sysid.synthetic.backdrop import ycbcr
 from iris_sysid.synthetic.camera import Camera, CameraView, camera_for
-from iris_sysid.synthetic.coverage import Canvas, blend, coverage
+from iris_sysid.synthetic.coverage import NO_SHADING, Canvas, blend
 from iris_sysid.synthetic.plan import plan_clip, scene_named, stage_of
 from iris_sysid.synthetic.scene import SceneBody, Stage, Wall
 from iris_sysid.synthetic.sensor import Sensor, kept_frames, shake
@@ -47,6 +47,14 @@ def supersampled(polygon, width, height, n=24):
             crosses = (ya <= y) != (yb <= y)
             inside ^= crosses & (x[None] > xa + (y - ya) * (xb - xa) / (yb - ya))
     return inside.reshape(height, n, width, n).mean(axis=(1, 3))
+
+
+def coverage(polygon_px, width, height):
+    """The fraction of each pixel of a grid that lies inside a polygon, as a canvas draws it."""
+    canvas, out = Canvas(width, height), np.zeros((height, width), np.float32)
+    canvas.add(polygon_px[np.newaxis], np.ones(1))
+    blend(out, canvas, 1.0, 1.0, NO_SHADING)
+    return out.astype(np.float64)
 
 
 @pytest.mark.parametrize(

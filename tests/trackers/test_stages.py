@@ -72,6 +72,23 @@ def test_stages_together_give_the_positions_of_the_tracker_whatever_detects(dete
     assert np.sqrt(np.nanmean((measured.xy_px - path) ** 2)) < 0.02
 
 
+@pytest.mark.parametrize("linker", sorted(LINKERS))
+def test_linker_leaves_gaps_where_the_body_is_not_detected(linker):
+    path = swing(N, (80, 48), (45, 20), period=37.3)
+    (body,) = link(seen([path], hidden=range(25, 29)), by=linker)
+    assert not body.valid[25:29].any()
+    assert body.n_valid == N - 4
+    assert off(body, path) < 2.0
+
+
+@pytest.mark.parametrize("measurer", sorted(MEASURERS))
+def test_measurer_finds_the_centre_to_a_fraction_of_a_pixel(measurer):
+    clip, path = swinging()
+    (measured,) = measure(clip, link(detect(clip)), by=measurer)
+    assert measured.n_valid >= N - 3
+    assert np.sqrt(np.nanmean((measured.xy_px - path) ** 2)) < 0.05
+
+
 def test_array_of_frames_is_a_clip_and_rate_or_times_say_when():
     clip, _ = swinging()
     images = np.stack(clip.images)

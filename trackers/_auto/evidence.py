@@ -32,7 +32,7 @@ MARK_RADII, MARK_PX = 1.0, 4.0  # how far a track may pass from a mark: radii, a
 
 
 def evidence_against(track: Track, scene: SampledScene, others: Sequence[Track] = ()) -> dict[str, float]:
-    """What speaks against a track, by name, each from 0 to 1; ``coverage`` beside it, which is not evidence.
+    """Evidence against a track, by name, each from 0 to 1; ``coverage`` beside it, which is not evidence.
 
     Parameters
     ----------

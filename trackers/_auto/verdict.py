@@ -3,7 +3,8 @@
 The probability that a track is on its body at a moment that shows the body is ``(1 - m) (1 - c) / (1 + exp(-(b - sum_k
 w_k e_k)))``: ``m`` is the share of the samples that show the body in which the track misses it, ``c`` that in which the
 track shows other colours, ``e_k`` the other evidence of :mod:`trackers._auto.evidence`. It is a logistic regression
-(D. R. Cox, J. R. Stat. Soc. B 20 (1958) 215) with weights ``w_k >= 0``: evidence against a track never speaks for it.
+(D. R. Cox, J. R. Stat. Soc. B 20 (1958) 215) with weights ``w_k >= 0``: evidence against a track never
+makes it likelier.
 ``b`` and ``w_k`` are fitted to marked clips by ``python -m validation.track_verdict``, which writes
 :mod:`trackers._auto.verdict_weights`.
 """
@@ -26,7 +27,7 @@ OF_WAYS = ("guessed", "beside")  # known by appearance only; other objects go fa
 OFF = ("missed", "other colours")  # shares of the samples in which the track is not on the body
 HELD_SHARE = 0.5  # of the frames with the body: more often in a hand is not a free motion, even if it is followed well
 MAX_REASONS = 3
-MIN_PART = 0.25  # of all that speaks against a track: weaker evidence is not reported
+MIN_PART = 0.25  # of all the evidence against a track: weaker evidence is not reported
 # what helps where marks do not: a body that covers much of its own way is seen in no frame as a whole before it
 BY_TEMPLATE = "if it does not turn: --tracker template --roi x,y,width,height, its box in the first frame of the clip"
 BY_MARK = "check the overlay, and mark the body where it is lost: --mark {body}=x,y@frame"

@@ -93,8 +93,7 @@ class Blob:
     @property
     def box(self) -> Box:
         """Left, top, right (exclusive), bottom (exclusive)."""
-        height, width = self.mask.shape
-        return (self.left, self.top, self.left + width, self.top + height)
+        return _box_of(self.mask, self.left, self.top)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -109,12 +108,16 @@ class ConnectedComponent:
     @property
     def box(self) -> Box:
         """Left, top, right (exclusive), bottom (exclusive)."""
-        height, width = self.mask.shape
-        return (self.left, self.top, self.left + width, self.top + height)
+        return _box_of(self.mask, self.left, self.top)
 
     def moved(self, left: int, top: int) -> ConnectedComponent:
         """The same component in an image whose corner lies ``left`` and ``top`` px farther left and up."""
         return replace(self, left=self.left + left, top=self.top + top)
+
+
+def _box_of(mask: Bytes, left: int, top: int) -> Box:
+    height, width = mask.shape
+    return left, top, left + width, top + height
 
 
 def background_range_of(estimate: BackgroundEstimate) -> BackgroundRange:

@@ -20,7 +20,7 @@ RIDGE = 1e-9  # of the mean square of the constant term, added to each: pixels i
 
 @kernel(nogil=True)
 def shading(image: Image, depth: Image, near: Bytes) -> Image:
-    """The polynomial in x and y (h, w, channels), constant to quadratic, that the pixels inside speak for.
+    """The polynomial in x and y (h, w, channels), constant to quadratic, that fits the pixels inside.
 
     More terms must explain a good part of the residual of fewer: shading does, texture does not.
 
@@ -91,7 +91,7 @@ def _fill_terms(row: Array, u: float, v: float) -> None:
 
 @kernel(nogil=True)
 def _best(terms: Array, values: Array) -> Array:
-    """Coefficients (6, channels) of the polynomial of the degree that the values (n, channels) speak for."""
+    """Coefficients (6, channels) of the polynomial of the degree that fits the values (n, channels)."""
     count, channels = values.shape
     gram, moments, squares = np.zeros((TERMS, TERMS)), np.zeros((TERMS, channels)), 0.0
     for k in range(count):

@@ -36,7 +36,7 @@ class Brightness(NamedTuple):
 
         A body darker than its background is on side -1, a brighter one on side 1. Two balls that strike each other may
         differ in nothing else. One that keeps its own brightness and comes before another background is the same body:
-        what counts is the change of its own brightness over the sum of the contrasts.
+        what counts is the change of its brightness over the sum of the contrasts.
         """
         apart = abs(self.brightening / self.contrast - other.brightening / other.contrast)
         return apart * min(1.0, abs(self.intensity - other.intensity) / (self.contrast + other.contrast))

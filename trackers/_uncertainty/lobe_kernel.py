@@ -10,7 +10,7 @@ import numpy as np
 from iris_sysid.io.kernels import kernel
 from iris_sysid.types import Array
 
-LOBES = (3, 5)  # odd as a shift is: a shape with a centre of symmetry, a disc or its streak, has none of its own
+LOBES = (3, 5)  # odd as a shift is: a shape with a centre of symmetry, a disc or its streak, has none
 INNER, OUTER = 0.5, 1.8  # of the radius, between which the outline lies
 
 

@@ -43,7 +43,7 @@ def detect(video: FrameSource, options: TrackOptions) -> Detections:
 
 
 def evidence_of(seen: Detection, diagonal: float) -> dict[str, float]:
-    """What speaks for or against a detection being a body, in an image of that diagonal, px.
+    """Evidence for or against a detection being a body, in an image of that diagonal, px.
 
     ``softness`` is the width of its outline in radii, ``darker`` and ``held`` are 0 or 1; the others are logarithms.
     """

@@ -11,7 +11,7 @@ import pandas as pd
 
 from iris_sysid.benchmark.sources.conversions import READINGS, LatentReading, Values
 from iris_sysid.benchmark.sources.latent import read_latent_runs
-from iris_sysid.benchmark.sources.reading import read_columns
+from iris_sysid.benchmark.sources.reading import parse_number, read_columns
 from iris_sysid.benchmark.sources.rows import FAILED
 from iris_sysid.errors import DataError
 
@@ -91,8 +91,15 @@ class PublishedFolder:
         return self._read[path]
 
     def table(self, path: str, texts: Sequence[str], numbers: Sequence[str]) -> pd.DataFrame:
-        """Named columns of a file of the folder; DataError as :func:`read_columns` raises it."""
-        return read_columns(self.path / path, texts, numbers)
+        """Named columns of a file of the folder; DataError as :func:`read_columns` raises it, or for no number."""
+        frame = read_columns(self.path / path, (*texts, *numbers))
+        for name in numbers:
+            values = frame[name].map(parse_number)
+            wrong = frame.loc[~np.isfinite(values), name]
+            if len(wrong):
+                raise DataError(f"{self.path / path}: {name} is {wrong.iloc[0]!r:.40}, which is not a finite number")
+            frame[name] = values
+        return frame
 
     def relative(self, error: DataError | str) -> str:
         """The text of an error with paths relative to the folder, the same on every machine."""

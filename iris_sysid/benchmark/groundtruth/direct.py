@@ -38,7 +38,7 @@ def read_measured(path: str | Path) -> MeasuredDocument:
 
 
 def with_board(document: MeasuredDocument, board: Board) -> MeasuredDocument:
-    """The ``document`` with the ``board`` for all classes that have no board of their own."""
+    """The ``document`` with the ``board`` for all classes without their own board."""
     values = {"class": ANY, "inner_corners": (board.columns, board.rows), "square_m": board.square_m}
     entry = BoardEntry.model_validate({**values, "stderr_m": board.square_stderr_m})
     return document.model_copy(update={"boards": [*document.boards, entry]})

@@ -135,7 +135,7 @@ def measure(
     """
     conditions, measured, tell = conditions or Conditions(), measured or MeasuredDocument(), tell or _silent
     check_workers(workers)
-    # absolute: workers run in folders of their own
+    # absolute: each worker runs in its own folder
     listing, root = list_clips(Path(dataset).absolute()), Path(folder).absolute()
     gaps = {gap.place: gap.reason for gap in listing.gaps}
     chosen = [

@@ -1,4 +1,4 @@
-"""What speaks against the values of a setting: how many of its clips are doubtful or incomplete, and why."""
+"""Evidence against the values of a setting: how many of its clips are doubtful or incomplete, and why."""
 
 from __future__ import annotations
 

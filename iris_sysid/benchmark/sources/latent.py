@@ -107,7 +107,7 @@ def dataset_of(runs: pd.DataFrame) -> Dataset:
 
 
 def latent_rows(runs: pd.DataFrame, method: str, *, source: str = "") -> pd.DataFrame:
-    """Turn runs into flat rows under every reading of alpha and beta, each reading a method of its own.
+    """Turn runs into flat rows under every reading of alpha and beta, each reading as a separate method.
 
     For a length both readings are given: ``g/alpha``, which the publication applies to every file, and
     ``alpha as length``, which the baseline's pendulum block fits. A failed run is a row with NaN; so is an alpha that

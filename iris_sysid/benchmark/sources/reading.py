@@ -38,22 +38,20 @@ def read_lines(path: str | Path) -> Lines:
     return rows
 
 
-def read_columns(path: str | Path, texts: Sequence[str], numbers: Sequence[str] = ()) -> pd.DataFrame:
+def read_columns(path: str | Path, names: Sequence[str]) -> pd.DataFrame:
     """Read the named columns of a CSV file whose header is as long as its rows.
 
     Parameters
     ----------
     path
         UTF-8 CSV file.
-    texts
-        Columns kept as text.
-    numbers
-        Columns of finite numbers.
+    names
+        Of the columns.
 
     Returns
     -------
     DataFrame
-        These columns in this order, one row per data line.
+        These columns in this order, as text, one row per data line.
 
     Raises
     ------
@@ -61,24 +59,13 @@ def read_columns(path: str | Path, texts: Sequence[str], numbers: Sequence[str] 
         When the file cannot be read, a column is absent, or a line is damaged; the text names the line.
     """
     (_, header), *lines = read_lines(path)
-    absent = [name for name in (*texts, *numbers) if name not in header]
+    absent = [name for name in names if name not in header]
     if absent:
         raise DataError(f"{path} has no column {absent[0]!r}; it has {', '.join(header)[:200]}")
     for number, row in lines:
         if len(row) != len(header):
             raise DataError(f"{path} line {number} has {len(row)} fields where the header has {len(header)}")
-    frame = pd.DataFrame({name: [row[header.index(name)] for _, row in lines] for name in texts}, dtype="str")
-    for name in numbers:
-        column = header.index(name)
-        frame[name] = [_finite(row[column], path, number, name) for number, row in lines]
-    return frame
-
-
-def _finite(text: str, path: str | Path, line: int, name: str) -> float:
-    number = parse_number(text)
-    if not math.isfinite(number):
-        raise DataError(f"{path} line {line}: {name} is {text!r:.40}, which is not a finite number")
-    return number
+    return pd.DataFrame({name: [row[header.index(name)] for _, row in lines] for name in names}, dtype="str")
 
 
 def parse_number(text: str) -> float:

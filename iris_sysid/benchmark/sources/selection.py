@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from iris_sysid.benchmark.sources.reading import read_lines
+from iris_sysid.benchmark.sources.reading import read_columns, read_lines
 from iris_sysid.errors import DataError
 from iris_sysid.types import NORMAL_975
 
@@ -30,13 +30,10 @@ def read_predictions(path: str | Path) -> pd.DataFrame:
 
     Raises DataError when a column is absent, a line is damaged, or a video occurs twice.
     """
-    (_, header), *lines = read_lines(path)
+    (_, header), *_ = read_lines(path)
     names = [_first_of(candidates, header, path) for candidates in (("path",), TRUTH_COLUMNS, PREDICTED_COLUMNS)]
     names.append(_first_of(("correct",), header, path))
-    for number, row in lines:
-        if len(row) != len(header):
-            raise DataError(f"{path} line {number} has {len(row)} fields where the header has {len(header)}")
-    frame = pd.DataFrame([[row[header.index(name)] for name in names] for _, row in lines], dtype="str")
+    frame = read_columns(path, names)
     frame.columns = pd.Index(["path", "truth", "predicted", "correct"])
     if frame["path"].duplicated().any():
         raise DataError(f"{path} names {frame['path'][frame['path'].duplicated()].iloc[0]} twice; one line a video")

@@ -12,17 +12,11 @@ import pandas as pd
 from iris_sysid.benchmark.sources.rows import OK, rows_text
 from iris_sysid.benchmark.tables.all_tables import tables_of
 from iris_sysid.benchmark.tables.table import Table, markdown_text, render
-from iris_sysid.io.files import check_writable, json_text, write_atomic
+from iris_sysid.io.files import check_folder, json_text, write_atomic
 
 TITLE = "Benchmark"
 PAGES = ("rows.csv", "benchmark.md", "benchmark.tex", "benchmark.html", "manifest.json")
 FOLDED = ("parameters", "confusion", "failures")  # long tables, collapsed on the page
-
-
-def check_pages(folder: str | Path, *, overwrite: bool = False) -> None:
-    """Raise OutputError when :func:`write_pages` could not write into the folder; call it before the work."""
-    for name in PAGES:
-        check_writable(Path(folder) / name, overwrite=overwrite)
 
 
 def write_pages(
@@ -61,8 +55,7 @@ def write_pages(
     DataError
         When the rows are not flat rows.
     """
-    folder = Path(folder)
-    check_pages(folder, overwrite=overwrite)
+    folder = check_folder(folder, PAGES, overwrite=overwrite)
     tables = tables_of(rows)
     texts = {
         "manifest.json": json_text(manifest or {}),  # first: it tells a run after a kill that the folder is its own

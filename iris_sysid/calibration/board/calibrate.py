@@ -61,21 +61,6 @@ class BoardPlacement:
     up: Literal["image", "board"] = "image"
 
 
-@dataclass(frozen=True, slots=True)
-class CameraOptions:
-    """How a camera is fitted to views: options of ``calibrate_camera`` and of ``choose_frames``.
-
-    ``lens`` names the distortion coefficients to fit; None takes the set with the least BIC. ``count`` frames of a clip
-    are chosen from ``examine``.
-    """
-
-    lens: tuple[str, ...] | None = None
-    square_pixels: bool = True
-    drop_outliers: bool = True
-    count: int = 20
-    examine: int = 200
-
-
 class Views(NamedTuple):
     """The ``views`` of a board, notes on them, and by name the reason why an image has no view (``missing``).
 
@@ -95,7 +80,6 @@ def calibrate_board(
     placement: BoardPlacement | None = None,
     camera: CameraCalibration | None = None,
     one_image: bool = False,
-    options: CameraOptions | None = None,
     progress: Progress | None = None,
 ) -> BoardCalibration:
     """Calibrate the camera from views of a board, and the plane of motion from the view that lies in it.
@@ -112,15 +96,13 @@ def calibrate_board(
         Camera from an earlier calibration at the same zoom, focus and resolution; then one view is enough.
     one_image
         Calibrate the plane from its view alone, without a camera.
-    options
-        How the camera is fitted.
     progress
         Called with (images or frames done, expected).
 
     Returns
     -------
     BoardCalibration
-        Its notes name views that were left out and images without a board; a doubt says where nothing but their order
+        Its notes name views that were left out and images without a board; a doubt says where only their order
         tells which view lies in the plane of motion.
 
     Raises
@@ -128,15 +110,15 @@ def calibrate_board(
     CalibrationError
         When no view can be used, or the views do not fix the camera; the message says what is not determined.
     """
-    placement, options = placement or BoardPlacement(), options or CameraOptions()
+    placement = placement or BoardPlacement()
     clip = _clip_of(sources)
     paths = [] if clip else _images_of(sources)
     view, image, rest = _plane_view(clip, paths, board, placement.view)
     notes: tuple[str, ...] = ()
     views: Views | None = None
     if camera is None and not one_image:
-        views = _views(clip, paths, board, options, progress)
-        camera, notes = _camera(views, board, options)
+        views = _views(clip, paths, board, progress)
+        camera, notes = _camera(views, board)
     plane = plane_from_board(
         view,
         board,
@@ -215,26 +197,18 @@ def _images_of(sources: Sequence[Path]) -> list[Path]:
     return images
 
 
-def _views(
-    clip: Video | None, paths: Sequence[Path], board: Board, options: CameraOptions, progress: Progress | None
-) -> Views:
+def _views(clip: Video | None, paths: Sequence[Path], board: Board, progress: Progress | None) -> Views:
     if clip is not None:
-        chosen = choose_frames(clip, board, count=options.count, examine=options.examine, progress=progress)
+        chosen = choose_frames(clip, board, progress=progress)
         return Views(chosen.views, (chosen.summary,), {}, chosen.seen_px)
     search = find_boards(paths, board, progress=progress)
     return Views(search.views, tuple(f"no view: {reason}" for reason in search.missing.values()), search.missing)
 
 
-def _camera(views: Views, board: Board, options: CameraOptions) -> tuple[CameraCalibration, tuple[str, ...]]:
+def _camera(views: Views, board: Board) -> tuple[CameraCalibration, tuple[str, ...]]:
     """The camera from the views, with notes; an error also lists why other images have no view."""
     try:
-        camera = calibrate_camera(
-            views.views,
-            board,
-            lens=options.lens,
-            square_pixels=options.square_pixels,
-            drop_outliers=options.drop_outliers,
-        )
+        camera = calibrate_camera(views.views, board)
     except CalibrationError as error:
         reasons = list(views.missing.values())
         if not reasons:

@@ -59,7 +59,7 @@ def covariance_of_fit(slopes: Array, residual: Array, corners_px: Array, encoded
         (n, 2), px.
     encoded_px
         Usual standard error, px, of a corner by the grey levels around it, in a frame that an encoder compressed. None
-        for an image, where neighbours have nothing but the place in the pixel in common.
+        for an image, where neighbours share only the place in the pixel.
 
     Returns
     -------

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iris_sysid.calibration.board.board import Board, BoardError, BoardView, shortest_side
-from iris_sysid.calibration.board.corner_refinement import MAX_REACH_PX, Saddles, refine_by_model, refine_by_window
+from iris_sysid.calibration.board.corner_refinement import MAX_REACH_PX, Saddles, refine_by_model
 from iris_sysid.calibration.board.corner_search import (
     MIN_IMAGE_PX,
     FoundCorners,
@@ -24,7 +24,7 @@ from iris_sysid.calibration.board.corner_search import (
 from iris_sysid.calibration.board.grid_topology import oriented_grid
 from iris_sysid.calibration.homography import apply_homography, fit_homography, homography_slopes
 from iris_sysid.errors import CalibrationError
-from iris_sysid.types import Array, Progress, with_progress
+from iris_sysid.types import Progress, with_progress
 from iris_sysid.video.container import MAX_PIXELS
 
 Image = str | Path | NDArray[np.uint8]
@@ -47,9 +47,7 @@ class BoardSearch:
         object.__setattr__(self, "missing", MappingProxyType(dict(self.missing)))
 
 
-def find_board(
-    image: Image, board: Board, *, window_px: int | None = None, name: str = "", thorough: bool = True
-) -> BoardView:
+def find_board(image: Image, board: Board, *, name: str = "", thorough: bool = True) -> BoardView:
     """Find a board's inner corners in one image and fit each to the grey levels around it.
 
     Rough positions come from OpenCV's detectors; then a model of a blurred corner is fitted in a window that follows
@@ -63,9 +61,6 @@ def find_board(
         Path of an image file, or an array: grey (h, w) or BGR (h, w, 3), uint8.
     board
         The board to find.
-    window_px
-        Use the classical method instead, with windows of this half side in px, as OpenCV's calibration sample does with
-        11. A window larger than half a square jumps to other corners.
     name
         Name of the image in messages; by default its file name.
     thorough
@@ -89,7 +84,7 @@ def find_board(
         reason, seen = why_not_found(grey, board) if thorough else ("no board is seen", False)
         raise BoardError(name, reason, seen=seen)
     try:
-        return _refined(grey, rough, board, name, window_px)
+        return _refined(grey, rough, board, name)
     except CalibrationError as error:
         raise BoardError(name, str(error), seen=True) from error
 
@@ -98,7 +93,6 @@ def find_boards(
     images: Iterable[str | Path] | Mapping[str, NDArray[np.uint8]],
     board: Board,
     *,
-    window_px: int | None = None,
     progress: Progress | None = None,
 ) -> BoardSearch:
     """Find a board in several images; images without a view are listed with the reason.
@@ -111,8 +105,6 @@ def find_boards(
         Paths of image files, or arrays by name.
     board
         What to look for.
-    window_px
-        As :func:`find_board`.
     progress
         Called with (images done, images).
 
@@ -132,7 +124,7 @@ def find_boards(
     views, missing = [], {}
     for name, image in with_progress(items, progress, len(items)):
         try:
-            views.append(find_board(image, board, window_px=window_px, name=name))
+            views.append(find_board(image, board, name=name))
         except CalibrationError as error:
             missing[name] = str(error)
     if not views:
@@ -180,14 +172,14 @@ def _chunks_are_within(data: bytes) -> bool:
     return at <= len(data)
 
 
-def _refined(grey: NDArray[np.uint8], rough: FoundCorners, board: Board, name: str, window_px: int | None) -> BoardView:
+def _refined(grey: NDArray[np.uint8], rough: FoundCorners, board: Board, name: str) -> BoardView:
     rough_px, oriented = rough.corners_px, True
     if board.marker_m is None:
         grid = rough_px.reshape(board.rows, board.columns, 2)
         check_ends(grey, rough_px, board)
         grid, oriented = oriented_grid(grey, grid)
         rough_px = grid.reshape(-1, 2)
-    return _fitted(grey, FoundCorners(rough.ids, rough_px), board, name, oriented=oriented, window_px=window_px)
+    return _fitted(grey, FoundCorners(rough.ids, rough_px), board, name, oriented=oriented)
 
 
 def find_again(grey: NDArray[np.uint8], view: BoardView, board: Board) -> BoardView:
@@ -202,15 +194,7 @@ def find_again(grey: NDArray[np.uint8], view: BoardView, board: Board) -> BoardV
     return _fitted(grey, rough, board, view.name, oriented=view.oriented).named(view.name, view.t_s)
 
 
-def _fitted(
-    grey: NDArray[np.uint8],
-    rough: FoundCorners,
-    board: Board,
-    name: str,
-    *,
-    oriented: bool,
-    window_px: int | None = None,
-) -> BoardView:
+def _fitted(grey: NDArray[np.uint8], rough: FoundCorners, board: Board, name: str, *, oriented: bool) -> BoardView:
     ids, rough_px = rough.ids, rough.corners_px
     points = board.points_m / board.square_m
     homography, _ = fit_homography(points[ids], rough_px)
@@ -220,11 +204,8 @@ def _fitted(
             f"the squares are only {square_px:.1f} px wide, {MIN_SQUARE_PX:g} are needed; come closer or use a "
             "larger board"
         )
-    if window_px is not None:
-        saddles = _classical(grey, rough_px, window_px)
-    else:
-        sides_px = homography_slopes(homography, points[ids])
-        saddles = refine_by_model(grey, rough_px, sides_px, board.clear_squares)
+    sides_px = homography_slopes(homography, points[ids])
+    saddles = refine_by_model(grey, rough_px, sides_px, board.clear_squares)
     kept = _checked(saddles, square_px)
     return BoardView(
         name=name,
@@ -236,13 +217,6 @@ def _fitted(
         blur_px=float(np.median(saddles.blur_px[kept])),
         oriented=oriented,
     )
-
-
-def _classical(grey: NDArray[np.uint8], rough_px: Array, window_px: int) -> Saddles:
-    if not 1 <= window_px <= min(grey.shape) // 2 - 4:
-        raise CalibrationError(f"a window of {window_px} px to each side does not fit the image; take e.g. 5")
-    unknown = np.full(len(rough_px), np.nan)
-    return Saddles(refine_by_window(grey, rough_px, window_px), unknown, unknown, unknown)
 
 
 def _checked(saddles: Saddles, square_px: float) -> NDArray[np.bool_]:

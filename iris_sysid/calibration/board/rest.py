@@ -28,7 +28,7 @@ class PlaneView(NamedTuple):
 
 
 def clearest_at_rest(clip: Video, view: BoardView, frame: Frame, board: Board) -> PlaneView:
-    """The clearest view of a board while it rests, from the frame on in which it was found.
+    """The clearest view of a board while it rests, beginning with the frame in which it was found.
 
     In a key frame an encoder shifts corners by their place in the pixel and in its blocks; over a board that looks like
     another scale. While nothing moves, each frame adds to the picture, and that error falls by a factor of about four.

@@ -181,7 +181,7 @@ class OriginDocument(Document):
     camera_motion: CameraMotionEntry | None = None
     """How the camera of a track's clip moved; null where it stands still."""
     doubts: list[DoubtEntry] = []
-    """What speaks against the track from which a trajectory was made."""
+    """Evidence against the track from which a trajectory was made."""
     hold: Hold = "linear"
     """How the inputs of a trajectory vary between samples: on a line, or keeping the value of the last one."""
     known: dict[str, EstimateEntry] = {}
@@ -236,7 +236,7 @@ class CalibrationDocument(Document):
     """What else was taken for granted."""
     notes: list[str] = []
     doubts: list[DoubtEntry] = []
-    """What speaks against it."""
+    """Evidence against it."""
     rms_px: Number = None
     """Root mean square residual of the board's corners, px; null without a board."""
     origin: dict[str, JsonValue] = {}

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 import cv2
 import numpy as np
 
 from iris_sysid.types import Array, Mask, mapped
-
-Form = Literal["similarity", "affine"]
 
 MIN_POINTS = 8
 CUTOFF = 4.685  # of Tukey's weights, in standard deviations: 95 % efficient for normal errors
@@ -30,29 +27,19 @@ class Fit:
     spread: float
 
 
-def basis(points: Array, form: Form) -> Array:
-    """Derivatives (n, 2, p) of the image of points (n, 2) px by the numbers of a map of that form.
+# from shift x, shift y, stretch and turn of a similarity to the entries of its map (2, 3), row by row
+ENTRIES = np.zeros((6, 4))
+ENTRIES[2, 0] = ENTRIES[5, 1] = 1.0
+ENTRIES[[0, 4], 2] = 1.0
+ENTRIES[1, 3], ENTRIES[3, 3] = -1.0, 1.0
 
-    Numbers of a similarity: shift x, shift y, stretch, turn; an affine map adds two shears.
-    """
+
+def basis(points: Array) -> Array:
+    """Derivatives (n, 2, 4) of the image of points (n, 2) px by shift x, shift y, stretch and turn."""
     x, y = points.T
     zero, one = np.zeros_like(x), np.ones_like(x)
     columns = [(one, zero), (zero, one), (x, y), (-y, x)]
-    if form == "affine":
-        columns += [(x, -y), (y, x)]
     return np.stack([np.stack(column, axis=-1) for column in columns], axis=-1)
-
-
-def numbers_to_map(form: Form) -> Array:
-    """The matrix (6, p), dimensionless, from the numbers of a form to the entries of its map (2, 3), row by row."""
-    matrix = np.zeros((6, 6 if form == "affine" else 4))
-    matrix[2, 0] = matrix[5, 1] = 1.0
-    matrix[[0, 4], 2] = 1.0
-    matrix[1, 3], matrix[3, 3] = -1.0, 1.0
-    if form == "affine":
-        matrix[0, 4], matrix[4, 4] = 1.0, -1.0
-        matrix[[1, 3], 5] = 1.0
-    return matrix
 
 
 def first_guess(points: Array, places: Array, tolerance_px: float) -> Array | None:
@@ -63,10 +50,8 @@ def first_guess(points: Array, places: Array, tolerance_px: float) -> Array | No
     return None if motion is None else np.asarray(motion, dtype=np.float64)
 
 
-def fitted(
-    points: Array, places: Array, start: Array, form: Form = "similarity", prior: Array | None = None
-) -> Fit | None:
-    """The map from points (n, 2) px to their places (n, 2) px by weighted least squares; None where they are too few.
+def fitted(points: Array, places: Array, start: Array, prior: Array | None = None) -> Fit | None:
+    """The similarity from points (n, 2) px to their places (n, 2) px by weighted least squares; None for too few.
 
     Tukey's weights leave out points that move otherwise. Covariance robust to clusters: errors of points in one tile of
     the image are alike (compression, light, depth).
@@ -77,8 +62,6 @@ def fitted(
         Positions (n, 2), px; NaN where a point was not found. ``points`` are about the centre of the image.
     start
         A map (2, 3) within a few px of the right one.
-    form
-        Which maps are allowed.
     prior
         Weights (n,) of the points, by how well they follow in other frames.
     """
@@ -86,7 +69,7 @@ def fitted(
     given = np.where(seen, 1.0, 0.0) if prior is None else np.where(seen, prior, 0.0)
     if np.count_nonzero(given) < MIN_POINTS:
         return None
-    design, rows = basis(points[seen], form), given[seen]
+    design, rows = basis(points[seen]), given[seen]
     motion, spread, weight = start, np.inf, rows
     for _ in range(ROUNDS):
         residual = places[seen] - mapped(motion, points[seen])
@@ -94,13 +77,12 @@ def fitted(
         if np.count_nonzero(weight) < MIN_POINTS:
             return None
         numbers = _solved(design, places[seen], weight)
-        motion = (numbers_to_map(form) @ numbers).reshape(2, 3)
+        motion = (ENTRIES @ numbers).reshape(2, 3)
     residual = places[seen] - mapped(motion, points[seen])
     covariance = _sandwich(design, residual, weight, _tiles(points[seen]))
-    entries = numbers_to_map(form)
     whole = np.zeros(len(points))
     whole[seen] = weight
-    return Fit(motion, entries @ covariance @ entries.T, whole, spread)
+    return Fit(motion, ENTRIES @ covariance @ ENTRIES.T, whole, spread)
 
 
 def _tukey(residual: Array, given: Array) -> tuple[Array, float]:
