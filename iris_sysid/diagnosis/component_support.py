@@ -85,7 +85,7 @@ class ComponentSupport:
 def can_cause(effect: Effect, part: Component) -> bool:
     """Whether an effect can be the cause of a component: it is of its kind, or of one that can take its place.
 
-    A component that depends on the state does not speak for an effect that can imitate a piece of anything.
+    A component that depends on the state is not evidence of an effect that can imitate a piece of anything.
     """
     if part.kind == effect.component:
         return True
