@@ -123,23 +123,9 @@ class WeakRanking:
             longer = next(iter(self._longer(current)), None)
             if longer is None or not _is_better(longer, current):
                 break
-            current = self._exchanged(longer)
-            sets.append(current)
+            sets.append(longer)
+            current = longer
         return sets[::-1]
-
-    def _exchanged(self, current: WeakSet) -> WeakSet:
-        """The set with others in the place of its effects, one at a time, while that lowers the criterion.
-
-        What was the best alone may have imitated two that act together (Pudil et al. 1994, Pattern Recognit. Lett. 15,
-        1119, floating search).
-        """
-        for effect in current.effects[:-1]:
-            others = [other for other in current.effects if other is not effect]
-            rest = self._of(others, [fit.values for fit in current.fits])
-            best = None if rest is None else next(iter(self._longer(rest)), None)
-            if best is not None and best.names[-1] != effect.name and best.cost < current.cost:
-                return self._exchanged(best)
-        return current
 
     def explained(self, base: ModelWithEffects, found: WeakSet) -> float:
         """The fraction of the squares in blocks left out that the effects of a set remove; NaN where there is no base.

@@ -5,14 +5,13 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from fitters.ode import FitRequest
-from iris_sysid import MODELS, Trajectory, diagnose, model_from_equation
+from iris_sysid import Trajectory, diagnose, model_from_equation
 from iris_sysid.diagnosis.block_means import DRIVEN
 from iris_sysid.diagnosis.weak_ranking import _first_samples
 from validation.driven_speed import CART as SPRUNG
 from validation.driven_speed import DRY as DRY_FORCE
 from validation.driven_speed import MASS as SPRUNG_MASS
 from validation.driven_speed import record
-from validation.world_friction_rig import OBSERVER, followed
 
 MASS, VISCOUS, DRY, OFFSET = 20.0, 30.0, 12.0, 3.0  # kg, N s/m, N, N
 CART = model_from_equation("q'' = u/m")
@@ -64,24 +63,6 @@ def test_dry_friction_is_not_taken_for_a_form_of_it_with_one_more_value():
     found = diagnose(record(2000), SPRUNG)
     assert [effect.name for effect in found.added] == ["coulomb-friction"]
     assert found.sizes["coulomb_friction"].value == pytest.approx(DRY_FORCE / SPRUNG_MASS, rel=0.05)
-
-
-def strokes(seed=0):
-    """A piston moved to and fro with two speeds, its dry friction and a constant force beside it, both measured."""
-    rng, t_s = np.random.default_rng(seed), np.arange(1200) * 0.04
-    speed = np.where((t_s % 7.0) < 4.2, 0.008, -0.012)
-    speed = np.convolve(np.pad(speed, 7, mode="edge"), np.full(15, 1 / 15), mode="valid")
-    force = 5.0 * np.sign(speed) + 2.0 + 0.2 * rng.standard_normal(t_s.size)
-    return followed(t_s, np.cumsum(speed) * 0.04 + 3e-5 * rng.standard_normal(t_s.size), force)
-
-
-@pytest.mark.slow
-def test_dry_friction_and_a_force_are_not_taken_for_friction_that_falls_off_with_speed():
-    found = diagnose(strokes(), MODELS["driven-oscillator"], fixed={"gain": 1.0, **OBSERVER})
-    assert {effect.name for effect in found.added} == {"coulomb-friction", "constant-force"}
-    assert not found.nuisances
-    assert OBSERVER["mass"] * found.sizes["coulomb_friction"].value == pytest.approx(5.0, rel=0.05)
-    assert OBSERVER["mass"] * found.sizes["constant_force"].value == pytest.approx(-2.0, rel=0.05)
 
 
 @pytest.mark.parametrize(("samples", "kept"), [(2 * DRIVEN - 1, 2 * DRIVEN - 1), (2 * DRIVEN, DRIVEN)])
