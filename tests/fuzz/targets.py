@@ -40,7 +40,6 @@ OPTIONS: tuple[Callable[[str], object], ...] = (
     lambda text: _parsing.board(text, "25mm"),
     lambda text: _parsing.board("9x6", text),
     _parsing.length,
-    _parsing.angle,
     lambda text: _parsing.effects([text]),
     lambda text: _parsing.calibration_of(text, None, None),
     lambda text: _parsing.calibration_of(None, text, None),
