@@ -85,8 +85,7 @@ def with_effects(model: str | OdeModel, effects: Sequence[str | Effect], view: V
 
 def with_effect(model: OdeModel, effect: Effect, view: View | None = None) -> OdeModel:
     """The model with one effect added, absent at size zero; see :func:`with_effects`."""
-    if not effect.applies(model):
-        raise FitError(f"the effect {effect.name!r} does not apply to the model {model.name!r}; {_applicable(model)}")
+    check_applies(effect, model)
     effect = through(effect, model, view)
     added = tuple(_in_units_of(model, parameter) for parameter in effect.parameters)
     hidden = tuple(_in_units_of(model, state) for state in effect.hidden)
@@ -112,10 +111,13 @@ def with_effect(model: OdeModel, effect: Effect, view: View | None = None) -> Od
     )
 
 
-def _applicable(model: OdeModel) -> str:
-    """The effects that a model may lack, for the message that another does not apply."""
-    names = [name for name, effect in EFFECTS.items() if effect.applies(model)]
-    return f"these do: {', '.join(names)}" if names else "none does"
+def check_applies(effect: Effect, model: OdeModel) -> None:
+    """Raise FitError with the registered effects that a model may lack where this one is not of them."""
+    if effect.applies(model):
+        return
+    names = [name for name, each in EFFECTS.items() if each.applies(model)]
+    others = f"these do: {', '.join(names)}" if names else "none does"
+    raise FitError(f"the effect {effect.name!r} does not apply to the model {model.name!r}; {others}")
 
 
 def within(model: OdeModel) -> tuple[Event, ...]:

@@ -372,7 +372,7 @@ def effect_change(effect: Effect, t_s: Array, motion: Array, velocity: Array, si
 
 
 def _scale_of(change: Callable[[float], Array], motion: Array) -> float:
-    """The size at which an effect changes what is seen by as much as it moves."""
+    """The size at which an effect changes the observed values by as much as they move."""
     per_unit = float(np.max(np.abs(change(1e-6)), initial=0.0)) * 1e6
     return float(np.ptp(motion)) / per_unit if per_unit > 0 else 1.0
 

@@ -72,7 +72,7 @@ class Scale:
 
     @classmethod
     def of(cls, motions: Sequence[EffectMotion], seen: Sequence[Array], rates_seen: Sequence[Array]) -> Scale:
-        """The scale of some motions, of what is seen (n, d) of each and of its rates (n, d)."""
+        """The scale of some motions, of the observed values (n, d) of each and of their rates (n, d)."""
         count = motions[0].model.degrees_of_freedom
         positions = np.concatenate([motion.states[:, :count] for motion in motions])
         speeds = np.concatenate([_velocity(motion) for motion in motions])

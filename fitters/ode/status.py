@@ -58,7 +58,7 @@ def null_direction_text(names: tuple[str, ...], values: Array, direction: Array)
     shown = [k for k in range(len(names)) if abs(direction[k]) > 0]
     relative = np.array([direction[k] / values[k] if values[k] != 0 else np.inf for k in shown])
     if not np.all(np.isfinite(relative)):
-        return "the data do not say anything of " + ", ".join(names[k] for k in shown)
+        return "the data do not determine " + ", ".join(names[k] for k in shown)
     strongest = np.max(np.abs(relative))
     part = [(names[k], r / strongest) for k, r in zip(shown, relative, strict=True) if abs(r) > SHARE * strongest]
     if len(part) == 1:

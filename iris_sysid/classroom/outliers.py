@@ -1,4 +1,4 @@
-"""Which values of a class stand out, given their own errors and of the scatter between the groups."""
+"""Which values of a class stand out, given their own errors and the scatter between the groups."""
 
 from __future__ import annotations
 

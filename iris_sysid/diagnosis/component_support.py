@@ -33,10 +33,9 @@ class ComponentSupport:
         """The components, the largest first; none where they are not known."""
         return () if self._components is None else self._components.parts
 
-    @property
-    def kinds(self) -> set[ComponentKind]:
-        """The components of the residual, and those that can take their place."""
-        return {kind for part in self.parts for kind in (part.kind, *part.similar)}
+    def shows(self, effect: Effect) -> bool:
+        """Whether there is a component that an effect can be the cause of, however small."""
+        return any(can_cause(effect, part) for part in self.parts)
 
     def _large(self, of_range: bool) -> list[Component]:
         """The components that are, or by their range can be, a good part of the residual without noise.

@@ -104,8 +104,7 @@ class EffectSearch:
         ranked = ranked_effects(self._cache.clips, current.fits, effects, odds, AT_ONCE)
         singles = [each for each in ranked if len(each.sizes) == 1]
         few = [each for each in ranked if each.sizes][:TRIED]
-        components = self._support.kinds
-        located = [each for each in singles if library[next(iter(each.sizes))].component in components]
+        located = [each for each in singles if self._support.shows(library[next(iter(each.sizes))])]
         chosen = [*few, *(each for each in [*singles[:AT_ONCE], *located[:TRIED]] if each not in few)]
         chosen = list({each.names: each for each in chosen}.values())
         models = [self._added(current, dict(each.sizes)) for each in chosen]
@@ -188,8 +187,7 @@ class EffectSearch:
             return current
         several = current.effects if len(current.effects) > 1 else ()
         singles = [self._cache.with_effects([effect], starts_of(current, [effect])) for effect in several]
-        is_law = any(self._support.is_largest(effect) for effect in current.effects)
-        absorbing = self._absorbing(self._cache.base, allowed=is_law)
+        absorbing = self._absorbing(self._cache.base, instead_of=current.effects)
         singles = [model for model in (*singles, *absorbing) if self._shares.allows(model)]
         best = min(singles, key=lambda model: self._shares.estimate(model).score, default=current)
         if best is not current:
@@ -221,8 +219,7 @@ class EffectSearch:
                 break
             models = self._absorbing(current)
             for effect in current.effects:
-                is_law = self._support.is_largest(effect)
-                models += self._absorbing(self._cache.without(current, effect), allowed=is_law)
+                models += self._absorbing(self._cache.without(current, effect), instead_of=[effect])
             found = self._best(current, models)
             if found is None:
                 break
@@ -250,13 +247,17 @@ class EffectSearch:
         self.reached = grown
         return grown
 
-    def _absorbing(self, context: ModelWithEffects, *, allowed: bool = False) -> list[ModelWithEffects]:
-        """Refits of the best few effects that imitate anything; perhaps only of those that the components allow."""
+    def _absorbing(self, context: ModelWithEffects, instead_of: Sequence[Effect] = ()) -> list[ModelWithEffects]:
+        """Refits of the best few effects that imitate anything.
+
+        In the place of a formula of the kind of the largest component only those that the components allow.
+        """
         if not context.usable:
             return []
         screening, names = self._cache.screening(context), self._testable(context, absorbs=True)
         library, support = self._cache.library.by_name, self._support
-        chosen = [name for name in names[:ABSORBING] if not allowed or support.agrees(library[name], of_range=True)]
+        is_free = not any(support.is_largest(effect) for effect in instead_of)
+        chosen = [name for name in names[:ABSORBING] if is_free or support.agrees(library[name], of_range=True)]
         return [self._cache.with_added(context, screening.single(name)) for name in chosen]
 
     def _pruned(self, current: ModelWithEffects) -> ModelWithEffects:

@@ -28,7 +28,7 @@ ZIP_TROUBLE = (
 
 
 def member_of(path: str | Path) -> tuple[Path, str | None]:
-    """Split ``archive.trz:NAME`` into the archive and the name of what is meant in it; None where none is named."""
+    """Split ``archive.trz:NAME`` into the archive and the name of its member; None where it has no name."""
     match = IN_ARCHIVE.fullmatch(os.fspath(path))
     if match is None or Path(path).exists():
         return Path(path), None

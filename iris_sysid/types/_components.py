@@ -37,6 +37,9 @@ SIDES: Mapping[ComponentKind, ComponentSide] = {
     "clock": "clock",
     "input": "input",
 }
+OF_STATE: frozenset[ComponentKind] = frozenset(
+    {"force-of-velocity", "force-of-position", "reading-of-velocity", "reading-of-position"}
+)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -89,7 +92,7 @@ class Component:
     @property
     def is_of_state(self) -> bool:
         """Whether it depends on the velocity or the position, as a law does, and not on the time."""
-        return self.kind.endswith(("of-velocity", "of-position"))
+        return self.kind in OF_STATE
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -12,7 +12,7 @@ MIN_DISPLACEMENT_FRACTION = 0.01  # a displacement below this fraction of the la
 
 
 def departure(position: Array, noise: float) -> int:
-    """First sample of the motion: after it every displacement from the rest position exceeds the threshold.
+    """First sample of the motion: its displacement from the rest position and every later one exceed the threshold.
 
     The rest position is the median of the first ``N_REST_SAMPLES`` samples. A body that does not move
     has no such sample; the result is then the number of samples.

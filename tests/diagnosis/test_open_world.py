@@ -219,7 +219,7 @@ def test_law_gives_way_only_to_what_the_components_allow(component, taken):
     search = EffectSearch(cache, None, ComponentSupport(_parts(0.02, part), False))
     assert search._support.is_largest(EFFECTS["quadratic-drag"]) == (component == "force-of-velocity")
     context = SimpleNamespace(usable=True)
-    assert search._absorbing(context, allowed=True) == taken
+    assert search._absorbing(context, instead_of=[EFFECTS["quadratic-drag"]]) == taken
     assert search._absorbing(context) == ["periodic-forcing"]
     assert search._absorbing(SimpleNamespace(usable=False)) == []
 

@@ -58,14 +58,19 @@ def read_columns(path: str | Path, names: Sequence[str]) -> pd.DataFrame:
     DataError
         When the file cannot be read, a column is absent, or a line is damaged; the text names the line.
     """
-    (_, header), *lines = read_lines(path)
+    return columns_of(read_lines(path), names, path)
+
+
+def columns_of(lines: Lines, names: Sequence[str], path: str | Path) -> pd.DataFrame:
+    """The named columns of the lines of a file, header first, as of :func:`read_columns`; errors name its ``path``."""
+    (_, header), *rows = lines
     absent = [name for name in names if name not in header]
     if absent:
         raise DataError(f"{path} has no column {absent[0]!r}; it has {', '.join(header)[:200]}")
-    for number, row in lines:
+    for number, row in rows:
         if len(row) != len(header):
             raise DataError(f"{path} line {number} has {len(row)} fields where the header has {len(header)}")
-    return pd.DataFrame({name: [row[header.index(name)] for _, row in lines] for name in names}, dtype="str")
+    return pd.DataFrame({name: [row[header.index(name)] for _, row in rows] for name in names}, dtype="str")
 
 
 def parse_number(text: str) -> float:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from iris_sysid.benchmark.sources.reading import read_columns, read_lines
+from iris_sysid.benchmark.sources.reading import columns_of, read_lines
 from iris_sysid.errors import DataError
 from iris_sysid.types import NORMAL_975
 
@@ -30,10 +30,11 @@ def read_predictions(path: str | Path) -> pd.DataFrame:
 
     Raises DataError when a column is absent, a line is damaged, or a video occurs twice.
     """
-    (_, header), *_ = read_lines(path)
+    lines = read_lines(path)
+    header = lines[0][1]
     names = [_first_of(candidates, header, path) for candidates in (("path",), TRUTH_COLUMNS, PREDICTED_COLUMNS)]
     names.append(_first_of(("correct",), header, path))
-    frame = read_columns(path, names)
+    frame = columns_of(lines, names, path)
     frame.columns = pd.Index(["path", "truth", "predicted", "correct"])
     if frame["path"].duplicated().any():
         raise DataError(f"{path} names {frame['path'][frame['path'].duplicated()].iloc[0]} twice; one line a video")

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitters.compose_effects import with_effect
+from fitters.compose_effects import check_applies, with_effect
 from fitters.effect_sensitivity import shaped
 from fitters.ode import sensitivity, simulate
 from iris_sysid.diagnosis.score_test import critical_value
@@ -78,11 +78,10 @@ def detection_limits(
     Raises
     ------
     FitError
-        When the effect makes no sense for the model, or a value is missing.
+        When the effect does not apply to the model, or a value is missing.
     """
     described, lacking = MODELS.resolved(model), EFFECTS.all_resolved([effect])[0]
-    if not lacking.applies(described):
-        raise FitError(f"the effect {lacking.name!r} makes no sense for the model {described.name!r}")
+    check_applies(lacking, described)
     varied = described.initial_names[0]
     sizes = [
         [
