@@ -54,6 +54,8 @@ if TYPE_CHECKING:
     import lmfit
 
 PATIENCE = 500_000, 50  # samples evaluated, and least evaluations, before a local fit is abandoned
+LONG, FAR_OFF = 5000, 10.0  # samples, and residual over noise, above which a local fit ends where COARSE ends
+COARSE = ROUGH._replace(tolerance=1e-5)
 ROUGH_WORK = 100_000  # samples times iterations after which a rough fit is not continued
 HELD = 1e3  # weight at which a prior holds its value
 LOST = "no start led to the data, and where the search ended some values have no effect of their own"
@@ -255,7 +257,7 @@ def find_minimum(request: FitRequest) -> Minimum:
         solution = search(task.problem, task.target, task.unknowns, _starts(task, request.start, options.multistart))
     _check_finite(request, task, solution)
     refinement = _Refinement(options.loss, _accuracy(options, int(task.selection.used.sum())))
-    target, solution = _without_outliers(task, solution, refinement)
+    target, solution = _without_outliers(task, solution, refinement, local=options.local)
     if task.priors:
         task, solution = _with_priors_weighed(task, target, solution, refinement)
     _check_finite(request, task, solution)  # the refinement can diverge from a solution that was finite
@@ -284,7 +286,12 @@ def _downhill(task: PreparedFit, request: FitRequest) -> Solution:
     values = next(starting_values(task, request.start, guesses(task, request.start)))
     if request.options.growing:
         return grow(task.problem, task.target, task.unknowns, values, ROUGH)
-    return minimise(task.problem, task.target, task.unknowns, values, accuracy=ROUGH)
+    accuracy = COARSE if _is_long(task.target) else ROUGH
+    return minimise(task.problem, task.target, task.unknowns, values, accuracy=accuracy)
+
+
+def _is_long(target: Target) -> bool:
+    return int(target.used.sum()) > LONG
 
 
 def _starts(task: PreparedFit, start: Mapping[str, float], multistart: int) -> Iterator[tuple[Array, bool]]:
@@ -333,14 +340,21 @@ def _nothing_to_fit(task: PreparedFit) -> Solution:
     return Solution(problem, vector, problem.predicted(vector), np.zeros(0), 1.0, True, True, "")
 
 
-def _without_outliers(task: PreparedFit, solution: Solution, refinement: _Refinement) -> tuple[Target, Solution]:
-    """Finish the fit and reselect the samples: outliers are removed, good samples are restored."""
+def _without_outliers(
+    task: PreparedFit, solution: Solution, refinement: _Refinement, *, local: bool
+) -> tuple[Target, Solution]:
+    """Finish the fit and reselect the samples: outliers are removed, good samples are restored.
+
+    A long ``local`` one far from the noise is not: what its equation lacks moves its values by more than their errors.
+    """
     candidates = task.selection.used[task.selection.span]
     target = task.target
     rough = not refinement.accuracy.fine
     spikes = outliers_in_motion(task.problem.t_s[candidates], target.observed[candidates])
     for done in range(4):
         if done and rough and len(solution.gradients) * int(target.used.sum()) > ROUGH_WORK:
+            break
+        if local and _is_long(target) and solution.converged and solution.rms > FAR_OFF:
             break
         outliers = np.zeros_like(candidates)
         if explains(solution, target):

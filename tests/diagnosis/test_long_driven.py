@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from fitters.integrator.initial_value_problem import initial_value_problem
+from fitters.ode import FitOptions, fit, single_clip
 from iris_sysid import Trajectory, diagnose, model_from_equation, simulate
 from iris_sysid.diagnosis import block_means, fit_cache
 
@@ -52,6 +53,23 @@ def test_a_long_driven_record_is_valued_by_all_of_its_samples(fitted_samples):
 def test_what_acts_after_the_first_samples_alone_is_found(fitted_samples):
     found = diagnose(cart(SATURATED, late=4.0), CART)
     assert [effect.name for effect in found.added] == ["input-saturation"]
+
+
+def test_a_long_local_fit_far_from_the_noise_is_not_continued(monkeypatch):
+    clip, begun, minimise = cart(DRY), [], single_clip.minimise
+    monkeypatch.setattr(single_clip, "minimise", lambda *args, **more: begun.append(1) or minimise(*args, **more))
+    start, near = {"c": 40.0, "k": 150.0, "m": 9.0}, FitOptions(local=True)
+    whole = fit(clip, CART, start=start, options=near)
+    assert whole.rms[0] > single_clip.FAR_OFF * whole.noise[0]
+    assert len(begun) > 1
+    monkeypatch.setattr(single_clip, "LONG", PART)
+    begun.clear()
+    short = fit(clip, CART, start=start, options=near)
+    assert len(begun) == 1
+    for name in ("c", "k", "m"):
+        assert short.estimates[name].value == pytest.approx(
+            whole.estimates[name].value, abs=whole.estimates[name].stderr
+        )
 
 
 def test_steps_span_samples_at_which_no_held_input_changes():
