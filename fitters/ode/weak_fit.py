@@ -32,7 +32,7 @@ NOISE_SHARE = 0.1  # of the left side's size, up to which noise is negligible: a
 EVALUATIONS = 50
 SETTLED = 1e-8  # relative change of squares or values with which a fit ends: 1e-6 ends early in a flat valley
 BLOCKS = 20  # of windows, by which errors are judged
-FEW = 300  # windows, spread over the record, that a fit of three times as many begins with
+FIRST_WINDOWS = 300  # windows, spread over the record, that a fit of three times as many begins with
 STEP = 1e-5  # by which a value is changed for a derivative, relative to it
 NOT_IMITATED = 1e-3  # of a force that the free values must not be able to imitate
 MAX_RESIDUAL = 1e6  # of a residual, in standard deviations of the left side
@@ -272,13 +272,14 @@ class _WeakForm:
         )
 
     def _few(self) -> _WeakForm | None:
-        """The first windows of each of BLOCKS parts of a long record, FEW in all; None where that saves little.
+        """The first windows of each of BLOCKS parts, FIRST_WINDOWS in all; None where that saves little.
 
         Hidden states are followed from sample to sample.
         """
-        if self.task.model.hidden or len(self.left) < 3 * FEW:
+        if self.task.model.hidden or len(self.left) < 3 * FIRST_WINDOWS:
             return None
-        rows = np.concatenate([part[: FEW // BLOCKS] for part in np.array_split(np.arange(len(self.left)), BLOCKS)])
+        parts = np.array_split(np.arange(len(self.left)), BLOCKS)
+        rows = np.concatenate([part[: FIRST_WINDOWS // BLOCKS] for part in parts])
         windows = csr_array(self.windows[rows])
         kept = np.unique(windows.indices)
         problem = replace(self.problem, t_s=self.problem.t_s[kept], inputs=self.problem.inputs[kept])

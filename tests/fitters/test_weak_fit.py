@@ -48,7 +48,7 @@ def test_many_windows_are_fitted_from_the_values_of_few_of_them(monkeypatch):
     monkeypatch.setattr(weak_form._WeakForm, "bounded", counted)
     every = weak_fit(request)
     whole = sum(evaluated)
-    monkeypatch.setattr(weak_form, "FEW", len(every.residual) // 5)
+    monkeypatch.setattr(weak_form, "FIRST_WINDOWS", len(every.residual) // 5)
     evaluated.clear()
     few = weak_fit(request)
     assert sum(evaluated) < 0.8 * whole
