@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from fitters.kept_answers import keeping_answers
 from fitters.noise.reading_step import STEP_TO_SD, reading_step
 from iris_sysid.types import Array, Mask
 
@@ -43,6 +44,7 @@ def normalised_difference(t_s: Array, values: Array, order: int) -> Array:
     return np.asarray(difference / np.sqrt(np.sum(weights**2, axis=0)))
 
 
+@keeping_answers
 def noise_from_differences(t_s: Array, values: Array) -> float:
     """Standard deviation of white noise on a smooth motion, from differences of neighbouring samples.
 
@@ -85,6 +87,7 @@ def outliers_in_residual(residual: Array, floor: float, spikes: Mask | None = No
     return np.zeros_like(outliers) if spikes is None else outliers & spikes
 
 
+@keeping_answers
 def outliers_in_motion(t_s: Array, values: Array) -> Mask:
     """True where a sample (n, d) cannot belong to a smooth motion: every difference that contains it is large.
 

@@ -14,10 +14,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
+from scipy.optimize import OptimizeResult, least_squares
 from scipy.sparse import csr_array
 
 from fitters.integrator.initial_value_problem import InitialValueProblem, value_names
+from fitters.kept_answers import keeping_answers
 from fitters.ode.fit_problem import PreparedFit, guesses, starting_values
 from fitters.ode.prepared_request import NoMinimumError, task_of
 from fitters.ode.request import FitRequest
@@ -31,6 +32,7 @@ NOISE_SHARE = 0.1  # of the left side's size, up to which noise is negligible: a
 EVALUATIONS = 50
 SETTLED = 1e-8  # relative change of squares or values with which a fit ends: 1e-6 ends early in a flat valley
 BLOCKS = 20  # of windows, by which errors are judged
+FIRST_WINDOWS = 300  # windows, spread over the record, that a fit of three times as many begins with
 STEP = 1e-5  # by which a value is changed for a derivative, relative to it
 NOT_IMITATED = 1e-3  # of a force that the free values must not be able to imitate
 MAX_RESIDUAL = 1e6  # of a residual, in standard deviations of the left side
@@ -240,33 +242,49 @@ class _WeakForm:
             params[which] = now
             return params
 
+        errors: dict[str, float] = {}
+        jacobian = np.zeros((self.left.size, 0))
+        if which.size:
+            found = self._minimised(whole, task.unknowns.inside(vector)[which], which, bounds)
+            slopes = np.asarray(found.jac, dtype=np.float64)
+            vector[which], jacobian = found.x, slopes / np.maximum(np.linalg.norm(slopes, axis=0), 1e-300)
+            parts = zip(np.array_split(slopes, BLOCKS), np.array_split(found.fun, BLOCKS), strict=True)
+            errors = dict(zip([task.unknowns.names[k] for k in free], clustered_errors(parts), strict=True))
+        residual = self.bounded(whole(vector[which])[:, None])[:, :, 0]
+        left_out = _left_out(jacobian.reshape(*self.left.shape, -1), residual)
+        return WeakFit(dict(zip(names, vector.tolist(), strict=True)), errors, residual, left_out)
+
+    def _minimised(
+        self, whole: Callable[[Array], Array], start: Array, which: NDArray[np.intp], bounds: tuple[Array, Array]
+    ) -> OptimizeResult:
+        """Least squares of the free values (k,); where there are many windows, from the values of few of them."""
+        few = self._few()
+        begin = start if few is None else few._minimised(whole, start, which, bounds).x
+
         def flat(now: Array) -> Array:
             return self.bounded(whole(now)[:, None]).ravel()
 
         def slopes_of(now: Array) -> Array:
             return self.moved(whole(now), which, bounds[1]).reshape(self.left.size, -1)
 
-        errors: dict[str, float] = {}
-        jacobian = np.zeros((self.left.size, 0))
-        if which.size:
-            inside = task.unknowns.inside(vector)[which]
-            found = least_squares(
-                flat,
-                inside,
-                slopes_of,
-                bounds=bounds,
-                x_scale="jac",
-                ftol=SETTLED,
-                xtol=SETTLED,
-                max_nfev=EVALUATIONS,
-            )
-            slopes = np.asarray(found.jac, dtype=np.float64)
-            vector[which], jacobian = found.x, slopes / np.maximum(np.linalg.norm(slopes, axis=0), 1e-300)
-            parts = zip(np.array_split(slopes, BLOCKS), np.array_split(found.fun, BLOCKS), strict=True)
-            errors = dict(zip([task.unknowns.names[k] for k in free], clustered_errors(parts), strict=True))
-        residual = flat(vector[which]).reshape(self.left.shape)
-        left_out = _left_out(jacobian.reshape(*self.left.shape, -1), residual)
-        return WeakFit(dict(zip(names, vector.tolist(), strict=True)), errors, residual, left_out)
+        return least_squares(
+            flat, begin, slopes_of, bounds=bounds, x_scale="jac", ftol=SETTLED, xtol=SETTLED, max_nfev=EVALUATIONS
+        )
+
+    def _few(self) -> _WeakForm | None:
+        """The first windows of each of BLOCKS parts, FIRST_WINDOWS in all; None where that saves little.
+
+        Hidden states are followed from sample to sample.
+        """
+        if self.task.model.hidden or len(self.left) < 3 * FIRST_WINDOWS:
+            return None
+        parts = np.array_split(np.arange(len(self.left)), BLOCKS)
+        rows = np.concatenate([part[: FIRST_WINDOWS // BLOCKS] for part in parts])
+        windows = csr_array(self.windows[rows])
+        kept = np.unique(windows.indices)
+        problem = replace(self.problem, t_s=self.problem.t_s[kept], inputs=self.problem.inputs[kept])
+        states, windows = np.ascontiguousarray(self.states[kept]), csr_array(windows[:, kept])
+        return replace(self, problem=problem, states=states, left=self.left[rows], windows=windows)
 
 
 def _unit_columns(columns: Array) -> Array:
@@ -314,6 +332,7 @@ def _at_samples(problem: InitialValueProblem) -> InitialValueProblem:
     return replace(problem, inputs=np.ascontiguousarray((before + problem.inputs) / 2))
 
 
+@keeping_answers
 def weak_windows(t_s: Array, half_s: float, order: int) -> tuple[csr_array, csr_array]:
     """Weights (w, n) of the mean over each window, and those of the derivative in s^-order; half a window apart.
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from fitters.ode import FitRequest
+from fitters.ode import weak_fit as weak_form
 from fitters.ode.weak_fit import _left_out, weak_fit
 from iris_sysid import MODELS, Trajectory, model_from_equation, simulate, smooth
 
@@ -32,6 +33,28 @@ def test_values_are_found_from_a_poor_start_under_either_hold(hold):
     assert found.values["x_0"] == pytest.approx(0.3, abs=1e-3)
     assert found.residual.shape == found.left_out.shape
     assert found.squares < 0.01 * found.residual.size
+
+
+def test_many_windows_are_fitted_from_the_values_of_few_of_them(monkeypatch):
+    clip, evaluated, bounded = record(4, wander=0.1), [], weak_form._WeakForm.bounded
+    request = FitRequest(
+        clip, model_from_equation("x'' = b*u - exp(a)*x - c*x'"), start={"b": 0.1, "a": 4.0, "c": -3.0}
+    )
+
+    def counted(form, at):
+        evaluated.append(at.shape[1] * len(form.left))
+        return bounded(form, at)
+
+    monkeypatch.setattr(weak_form._WeakForm, "bounded", counted)
+    every = weak_fit(request)
+    whole = sum(evaluated)
+    monkeypatch.setattr(weak_form, "FIRST_WINDOWS", len(every.residual) // 5)
+    evaluated.clear()
+    few = weak_fit(request)
+    assert sum(evaluated) < 0.8 * whole
+    for name, error in every.stderr.items():
+        assert few.values[name] == pytest.approx(every.values[name], abs=1e-3 * error)
+        assert few.stderr[name] == pytest.approx(error, rel=1e-3)
 
 
 @pytest.mark.slow
