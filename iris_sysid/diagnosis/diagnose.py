@@ -60,6 +60,7 @@ ABOVE_NOISE = 1.1  # residual / noise above which terms are suggested; the noise
 NOISE_UNSURE = 3.0  # residual / noise up to which it may be correlated or quantised noise: then components decide
 NOISE_SHARE = 0.9  # of the residual's variance that components leave, where it is noise
 LIKELIEST = 2  # models of the search that explain the data to the noise, refitted with all samples
+FOLLOWED = 0.5  # of the variance of a driven motion, which a free run that follows it explains
 SEARCH_SHARE = 0.7  # of the time allowed, for the search by blocks
 
 
@@ -175,7 +176,8 @@ def _with_run(request: FitRequest, fitted: FitResult) -> tuple[FitRequest, FitRe
 
     A drive without its friction, for one, fits best with a mass so large that nothing moves.
     """
-    found = weak_fit(request) if request.model.inputs and not fitted.usable else None
+    follows = fitted.usable and fitted.explained >= FOLLOWED
+    found = weak_fit(request) if request.model.inputs and not follows else None
     if found is None:
         return request, fitted
     own = {name: found.values[name] for name in found.stderr}

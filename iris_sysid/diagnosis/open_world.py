@@ -94,15 +94,20 @@ class OpenWorld:
     def in_weak_form(self) -> Judgement | None:
         """What the weak form of a driven motion says, whose free run is far off; None where it says nothing.
 
-        It is the largest set with a free run of possible sizes: in short windows an effect may fit that cannot be.
+        It is the largest set with a free run of possible sizes that is nearer than without the last effect: in short
+        windows an effect may fit that cannot be.
         """
         if not self.shares.testable:
             return None
+        chosen: tuple[WeakSet, ModelWithEffects] | None = None
         for found in self._cache.weak.grown(self._cache.base, MAX_EFFECTS):
             model = self._cache.with_added(self._cache.base, self._cache.weak.candidate(found))
-            if self.shares.allows(model):
-                return self._of_weak(found, model)
-        return None
+            if not self.shares.allows(model):
+                continue
+            if chosen is not None and model.squares > chosen[1].squares:
+                break
+            chosen = found, model
+        return None if chosen is None else self._of_weak(*chosen)
 
     def _of_weak(self, found: WeakSet, model: ModelWithEffects) -> Judgement:
         judged = {effect.name: self._cache.weak.judged(found, effect) for effect in found.effects}

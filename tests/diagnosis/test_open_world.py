@@ -139,14 +139,19 @@ def test_effect_in_weak_form_is_named_where_the_effects_explain_most_of_the_forc
     assert _weak_finding(effect, 0.5, {effect.name: 1.0}, explained).word == word
 
 
-def test_what_fits_in_short_windows_and_cannot_be_leaves_what_was_found_before_it():
-    sets = [SimpleNamespace(effects=[EFFECTS[name] for name in names]) for names in (SOAK_UP[:2], SOAK_UP[:1])]
+@pytest.mark.parametrize(
+    ("most", "squares", "chosen"),
+    [(1, (1.0, 2.0), 1), (2, (1.0, 2.0), 0), (2, (2.0, 1.0), 1)],  # effects that can be, and what is left
+)
+def test_what_fits_in_short_windows_alone_leaves_what_was_found_before_it(most, squares, chosen):
+    each = zip((SOAK_UP[:2], SOAK_UP[:1]), squares, strict=True)
+    sets = [SimpleNamespace(effects=[EFFECTS[name] for name in names], squares=left) for names, left in each]
     world = OpenWorld.__new__(OpenWorld)
     weak = SimpleNamespace(grown=lambda base, most: sets, candidate=lambda found: found)
     world._cache = SimpleNamespace(base=None, weak=weak, with_added=lambda base, candidate: candidate)
-    world.shares = SimpleNamespace(allows=lambda model: len(model.effects) < 2, testable=True)
+    world.shares = SimpleNamespace(allows=lambda model: len(model.effects) <= most, testable=True)
     world._of_weak = lambda found, model: found
-    assert world.in_weak_form() is sets[1]
+    assert world.in_weak_form() is sets[chosen]
 
 
 def _predicting(error: float, *names: str, values: int = 2, left: float | None = None) -> SimpleNamespace:
