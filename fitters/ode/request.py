@@ -29,8 +29,8 @@ class FitOptions:
     ``discrepancy``: where the residual is more than noise, add to the errors what the equation may lack.
     ``unseen_drag``: with ``discrepancy``, add to the errors of a fall with gravity estimated the drag that its data
     cannot rule out; false where there is none, as in a vacuum.
-    ``rough``: with ``local``, stop where a step changes the sum of squares by less than 1e-5, or much work was done:
-    enough to compare models.
+    ``rough``: with ``local`` and a linear loss, to compare models: stop where a step changes the sum of squares by
+    less than 1e-4, and leave out only samples that stand out of the data, whatever the model.
     """
 
     segments: tuple[SegmentLabel, ...] = ("motion",)

@@ -54,7 +54,6 @@ if TYPE_CHECKING:
     import lmfit
 
 PATIENCE = 500_000, 50  # samples evaluated, and least evaluations, before a local fit is abandoned
-ROUGH_WORK = 100_000  # samples times iterations after which a rough fit is not continued
 HELD = 1e3  # weight at which a prior holds its value
 LOST = "no start led to the data, and where the search ended some values have no effect of their own"
 ALIKE = 1.1  # residual of a free run over that of pieces, up to which it follows the data as well
@@ -255,7 +254,9 @@ def find_minimum(request: FitRequest) -> Minimum:
         solution = search(task.problem, task.target, task.unknowns, _starts(task, request.start, options.multistart))
     _check_finite(request, task, solution)
     refinement = _Refinement(options.loss, _accuracy(options, int(task.selection.used.sum())))
-    target, solution = _without_outliers(task, solution, refinement)
+    target = task.target
+    if refinement.accuracy.fine:  # models are compared on the same samples, whatever their residual
+        target, solution = _without_outliers(task, solution, refinement)
     if task.priors:
         task, solution = _with_priors_weighed(task, target, solution, refinement)
     _check_finite(request, task, solution)  # the refinement can diverge from a solution that was finite
@@ -270,8 +271,9 @@ def _accuracy(options: FitOptions, samples: int) -> Accuracy:
     """With what a fit ends; a local one is abandoned earlier where there are many samples."""
     if not options.local:
         return FINE
-    most = max(PATIENCE[0] // samples, PATIENCE[1])
-    return ROUGH if options.rough else FINE._replace(evaluations=min(most, FINE.evaluations))
+    if options.rough and options.loss == "linear":
+        return ROUGH
+    return FINE._replace(evaluations=min(max(PATIENCE[0] // samples, PATIENCE[1]), FINE.evaluations))
 
 
 def _check_finite(request: FitRequest, task: PreparedFit, solution: Solution) -> None:
@@ -337,17 +339,13 @@ def _without_outliers(task: PreparedFit, solution: Solution, refinement: _Refine
     """Finish the fit and reselect the samples: outliers are removed, good samples are restored."""
     candidates = task.selection.used[task.selection.span]
     target = task.target
-    rough = not refinement.accuracy.fine
     spikes = outliers_in_motion(task.problem.t_s[candidates], target.observed[candidates])
-    for done in range(4):
-        if done and rough and len(solution.gradients) * int(target.used.sum()) > ROUGH_WORK:
-            break
+    for _ in range(4):
         outliers = np.zeros_like(candidates)
         if explains(solution, target):
             residual = (target.observed - solution.predicted) / target.sigma
             outliers[candidates] = outliers_in_residual(residual[candidates], MIN_DEVIATION, spikes)
-        is_finished = solution.converged if rough else solution.fine and _exact(solution, target)
-        if is_finished and np.array_equal(candidates & ~outliers, target.used):
+        if solution.fine and _exact(solution, target) and np.array_equal(candidates & ~outliers, target.used):
             break
         target = Target(target.observed, target.sigma, candidates & ~outliers)
         solution = refinement.continued(task.problem, target, task.unknowns, solution)

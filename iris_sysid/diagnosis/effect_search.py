@@ -158,9 +158,18 @@ class EffectSearch:
         best = min(models, key=lambda model: self._shares.estimate(model).score)
         fewest = min(len(model.effects) for model in models if self._is_near(model, best))
         simple = [model for model in models if len(model.effects) == fewest]
-        least = min(self._shares.estimate(model).score for model in simple)
-        alike = [model for model in simple if self._shares.estimate(model).score <= ALIKE * least]
+        least = min(simple, key=lambda model: self._shares.estimate(model).score)
+        alike = [model for model in simple if self._is_alike(model, least)]
         return max(alike, key=lambda model: (self._plausibility(model), -self._shares.estimate(model).score))
+
+    def _is_alike(self, model: ModelWithEffects, best: ModelWithEffects) -> bool:
+        """Whether a model predicts about as well as the best, or explains as much with no more values.
+
+        A prediction to first order of one that explains less is not to be trusted: its fit ended at a bound.
+        """
+        is_simple = len(model.fits[0].free) <= len(best.fits[0].free)
+        explains = model.squares <= (ALIKE if is_simple else 1.0) * best.squares
+        return explains or self._shares.estimate(model).score <= ALIKE * self._shares.estimate(best).score
 
     def _plausibility(self, model: ModelWithEffects) -> float:
         """The odds of all effects before the data, less where the components do not say that there is such a part."""
@@ -168,13 +177,9 @@ class EffectSearch:
         return math.prod(each.plausibility * (1.0 if agrees(each) else DISAGREES) for each in model.effects)
 
     def _is_near(self, model: ModelWithEffects, best: ModelWithEffects) -> bool:
-        """Whether the best predicts no better than by a standard error, or by little, or explains no more.
-
-        A prediction to first order of one that explains less is not to be trusted: its fit ended at a bound.
-        """
-        errors, least = self._shares.estimate(model), self._shares.estimate(best)
-        gain, stderr = least.gain_over(errors)
-        return model.squares <= best.squares or gain < stderr or errors.score <= ALIKE * least.score
+        """Whether the best predicts no better than by a standard error, or a model is like it."""
+        gain, stderr = self._shares.estimate(best).gain_over(self._shares.estimate(model))
+        return gain < stderr or self._is_alike(model, best)
 
     def _in_one(self, current: ModelWithEffects) -> ModelWithEffects:
         """One effect in the place of several, where these do not surely predict better.

@@ -149,11 +149,18 @@ def test_what_fits_in_short_windows_and_cannot_be_leaves_what_was_found_before_i
     assert world.in_weak_form() is sets[1]
 
 
-def _predicting(error: float, *names: str) -> SimpleNamespace:
-    """A model with effects of these names that predicts each of eight blocks with this squared error."""
+def _predicting(error: float, *names: str, values: int = 2, left: float | None = None) -> SimpleNamespace:
+    """A model with effects of these names that predicts each of eight blocks with this squared error.
+
+    It has some free ``values``; its sum of squares is that of the errors where none is ``left``.
+    """
     squares = error * (1.0 + 0.01 * np.arange(8))
-    errors = BlockErrors(squares, np.ones(8), 1.0)
-    return SimpleNamespace(effects=[EFFECTS[name] for name in names], errors=errors, squares=float(squares.sum()))
+    return SimpleNamespace(
+        effects=[EFFECTS[name] for name in names],
+        errors=BlockErrors(squares, np.ones(8), 1.0),
+        squares=float(squares.sum()) if left is None else left,
+        fits=[SimpleNamespace(free=range(values))],
+    )
 
 
 @pytest.mark.parametrize(
@@ -164,6 +171,18 @@ def test_two_effects_that_together_predict_far_better_come_before_one(single, ch
     search = EffectSearch(SimpleNamespace(base=_predicting(1e6)), shares, ComponentSupport(None, False))
     found = search._simplest([_predicting(single, "quadratic-drag"), _predicting(1.0, "linear-drag", "quadratic-drag")])
     assert [effect.name for effect in found.effects] == chosen
+
+
+@pytest.mark.parametrize(
+    ("more", "left", "chosen"),
+    [(1, 100.0, "coulomb-friction"), (1, 70.0, "velocity-weakening-friction"), (0, 95.0, "coulomb-friction")],
+)
+def test_what_explains_as_much_with_no_more_values_comes_before_a_better_first_order_prediction(more, left, chosen):
+    shares = SimpleNamespace(estimate=lambda model: model.errors)
+    search = EffectSearch(SimpleNamespace(base=_predicting(1e6)), shares, ComponentSupport(None, False))
+    plain = _predicting(200.0, "coulomb-friction", values=3, left=100.0)
+    other = _predicting(30.0, "velocity-weakening-friction", values=3 + more, left=left)
+    assert search._simplest([other, plain]).effects[0].name == chosen
 
 
 def test_one_component_is_evidence_of_one_effect_that_can_imitate_anything():
