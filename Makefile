@@ -4,6 +4,7 @@
 # make test        the fast tests: minutes
 # make test-slow   real recordings, coverage of intervals, false alarms, Cramer-Rao bound, identity, demo: half an hour
 # make test-lowest fast tests of the packages with the lowest versions that pyproject.toml allows
+# make test-versions fast tests with Python 3.12 and 3.13, where they are installed
 # make lint        style, types, and whether the installed packages agree
 # make docs        the pages and the reference of the API, into docs-output/
 # make validation  the measurements that the validation pages quote
@@ -25,11 +26,14 @@ PYTEST := $(ONE_THREAD) $(BIN)/python -m pytest -n $(WORKERS) --max-worker-resta
 
 # Folders of tests that pass with them; old packages warn of one another, which is no error.
 LOWEST ?= $(addprefix tests/,calibration io phenomena trajectory types video)
+# Interpreters after that of .venv, and the tests that they run: the values, files, and compiled numbers.
+VERSIONS ?= 3.12 3.13
+ON_VERSIONS ?= $(addprefix tests/,io trajectory types fitters/test_integrator.py fitters/test_machine_code.py)
 
 SECONDS ?= 3600
 COMPILE := .venv-release/bin/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header --no-annotate
 
-.PHONY: demo test test-slow test-lowest lint format validation torture fuzz docs wheel sbom constraints clean
+.PHONY: demo test test-slow test-lowest test-versions lint format validation torture fuzz docs wheel sbom constraints clean
 
 demo: .venv/ready
 	$(BIN)/iris-sysid demo -o $(DEMO) --force
@@ -42,6 +46,11 @@ test-slow: .venv/ready
 
 test-lowest: .venv-lowest/ready
 	$(ONE_THREAD) .venv-lowest/bin/python -m pytest -n $(WORKERS) --dist loadfile -m "not slow" -W default $(LOWEST)
+
+test-versions: $(VERSIONS:%=.venv-%/ready)
+	set -e; for version in $(VERSIONS); do \
+	    $(ONE_THREAD) .venv-$$version/bin/python -m pytest -n $(WORKERS) --dist loadfile -m "not slow" $(ON_VERSIONS); \
+	done
 
 lint: .venv/ready
 	$(BIN)/python -m pip check
@@ -109,5 +118,11 @@ constraints: .venv-release/ready
 	.venv-release/bin/uv pip install --quiet --python .venv-lowest/bin/python --resolution lowest-direct --editable . --group test
 	touch $@
 
+.venv-3.%/ready: pyproject.toml constraints.txt tests/constraints.txt
+	python3.$* -m venv --clear .venv-3.$*
+	.venv-3.$*/bin/python $(PINNED) -r constraints.txt -r tests/constraints.txt
+	.venv-3.$*/bin/python $(INSTALL) --no-deps --no-build-isolation --editable .
+	touch $@
+
 clean:
-	rm -rf .venv .venv-release .venv-lowest build dist demo-output docs-output fuzz-output *.egg-info
+	rm -rf .venv .venv-release .venv-lowest $(VERSIONS:%=.venv-%) build dist demo-output docs-output fuzz-output *.egg-info

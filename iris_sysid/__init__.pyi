@@ -55,10 +55,10 @@ from iris_sysid.io.dataframes import to_frame as to_frame
 from iris_sysid.io.frame_read import from_frame as from_frame
 from iris_sysid.io.osp_tracker import marked_tracks as marked_tracks
 from iris_sysid.io.osp_tracker import read_osp as read_osp
-from iris_sysid.pipeline import observe as observe
-from iris_sysid.pipeline import run as run
-from iris_sysid.pipeline import save as save
-from iris_sysid.pipeline import track as track
+from iris_sysid.pipeline.one_clip import observe as observe
+from iris_sysid.pipeline.one_clip import run as run
+from iris_sysid.pipeline.one_clip import save as save
+from iris_sysid.pipeline.one_clip import track as track
 from iris_sysid.registry import DETECTORS as DETECTORS
 from iris_sysid.registry import EFFECTS as EFFECTS
 from iris_sysid.registry import LINKERS as LINKERS

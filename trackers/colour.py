@@ -18,9 +18,9 @@ from trackers._detection.detection import FrameDetections
 from trackers._detection.foreground import blobs_of
 from trackers._detection.local_background import GAP, components_of, local_detector
 from trackers._frames.working_image import WorkingView, view_of
-from trackers._linking.frame_to_frame import Tracklet, link
 from trackers._linking.select_bodies import with_fragments
 from trackers._linking.to_track import track_of
+from trackers._tracklets.frame_to_frame import Tracklet, link
 
 FIRST_REACH, MIN_REACH = 0.25, 0.1  # of the image's diagonal: distance of a body from its prediction
 MIN_DETECTIONS = 3

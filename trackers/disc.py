@@ -31,11 +31,11 @@ from trackers._disc.learn_appearance import DiscAppearance, DiscFitter, with_lea
 from trackers._disc.receding_disc import receding_disc
 from trackers._frames.ahead import ahead
 from trackers._frames.working_image import view_of
-from trackers._linking.frame_to_frame import Tracklet
 from trackers._linking.likely_bodies import LikelyBodies, all_measured
 from trackers._linking.select_bodies import held_frames, link_bodies
 from trackers._linking.to_track import error_model
 from trackers._multi_body.track_together import track_together
+from trackers._tracklets.frame_to_frame import Tracklet
 from trackers._uncertainty.excess_scatter import with_scatter
 
 MIN_SEEN = 0.8  # of the frames: a body found in fewer frames is also searched by another method

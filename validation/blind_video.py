@@ -18,8 +18,6 @@ import numpy as np
 
 from fitters.effect_sensitivity import sensitivity, shaped
 from fitters.ode import fit
-from iris_sysid.benchmark.batch import Batch
-from iris_sysid.benchmark.parallel import run_parallel
 from iris_sysid.calibration.pixel_scale import scale
 from iris_sysid.diagnosis.diagnose import diagnose
 from iris_sysid.diagnosis.score_test import critical_value, screen
@@ -28,7 +26,9 @@ from iris_sysid.errors import IrisError
 from iris_sysid.io.csv_read import read_trajectory
 from iris_sysid.io.csv_write import write_trajectory
 from iris_sysid.io.files import json_text, write_atomic
-from iris_sysid.pipeline import run
+from iris_sysid.pipeline.batch import Batch
+from iris_sysid.pipeline.one_clip import run
+from iris_sysid.pipeline.parallel import run_parallel
 from iris_sysid.registry import EFFECTS, MODELS, PHENOMENA
 from iris_sysid.synthetic import SCENES, render_clip
 from iris_sysid.synthetic.effects import FORCING_HZ

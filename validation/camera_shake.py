@@ -18,7 +18,7 @@ import numpy as np
 import pandas as pd
 
 from iris_sysid import Estimate, IrisError, open_video, scale
-from iris_sysid.pipeline import observe_and_fit, track
+from iris_sysid.pipeline.one_clip import observe_and_fit, track
 from iris_sysid.registry import PHENOMENA
 from validation import pages
 from validation.independent.motions import GRAVITY, MOTIONS, Array, integrate

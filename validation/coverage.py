@@ -14,9 +14,10 @@ from pathlib import Path
 
 import numpy as np
 
-from iris_sysid import PHENOMENA, pipeline
+from iris_sysid import PHENOMENA
 from iris_sysid.calibration.pixel_scale import scale
 from iris_sysid.errors import IrisError
+from iris_sysid.pipeline import one_clip
 from iris_sysid.synthetic import SCENES, Look, Truth, render_clip
 from iris_sysid.types import Estimate, TrackOptions, Transfer
 from tests._experiments import EXPERIMENTS, repeated
@@ -87,7 +88,7 @@ def filmed(case: Filmed, clips: int, first: int, size: tuple[int, int]) -> Itera
 def _estimate(path: Path, truth: Truth, case: Filmed) -> Estimate:
     """The fitted parameter; a length has the scale of the rendered camera."""
     calibration = None if PHENOMENA[case.scene].measures == "intensity" else scale(truth.pixels_per_metre, 1.0)
-    run = pipeline.run(path, case.scene, calibration=calibration, options=TrackOptions(transfer=case.told))
+    run = one_clip.run(path, case.scene, calibration=calibration, options=TrackOptions(transfer=case.told))
     return run.fit.estimates[case.parameter]
 
 

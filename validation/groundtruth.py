@@ -17,13 +17,14 @@ from pathlib import Path
 
 import numpy as np
 
-from iris_sysid.benchmark.dataset import benchmark_classes, list_clips
+from iris_sysid.benchmark.dataset import list_clips
 from iris_sysid.benchmark.groundtruth.measure import ClipMeasurement, Conditions, Measurements, measure
 from iris_sysid.benchmark.groundtruth.parameters import parameters_document
 from iris_sysid.benchmark.groundtruth.pool import in_published_unit
 from iris_sysid.io.json_documents import write_document
 from iris_sysid.io.schemas import number
 from iris_sysid.io.schemas.groundtruth import MeasuredDocument, ParametersDocument
+from iris_sysid.pipeline.clip_folders import benchmark_classes
 from iris_sysid.types import Estimate
 from validation import pages
 

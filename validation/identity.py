@@ -22,9 +22,10 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from iris_sysid import open_video
-from iris_sysid.benchmark.dataset import benchmark_classes, list_clips
+from iris_sysid.benchmark.dataset import list_clips
 from iris_sysid.errors import IrisError
 from iris_sysid.io.csv_read import read_track
+from iris_sysid.pipeline.clip_folders import benchmark_classes
 from iris_sysid.registry import PHENOMENA, TRACKERS
 from iris_sysid.synthetic import SCENES, Truth, read_truth, render_clip
 from iris_sysid.types import Track, TrackOptions

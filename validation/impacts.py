@@ -12,7 +12,7 @@ import numpy as np
 from fitters.integrator.event_times import event_times
 from fitters.ode import FitOptions, fit, simulate
 from iris_sysid.calibration.pixel_scale import uncalibrated
-from iris_sysid.pipeline import observe, track
+from iris_sysid.pipeline.one_clip import observe, track
 from iris_sysid.registry import MODELS, PHENOMENA
 from iris_sysid.synthetic import read_truth, render_clip
 from iris_sysid.types import FitResult, TrackOptions, Trajectory

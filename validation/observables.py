@@ -16,7 +16,7 @@ import numpy as np
 
 from iris_sysid import PHENOMENA, TRACKERS, open_video
 from iris_sysid.calibration.pixel_scale import uncalibrated
-from iris_sysid.pipeline import observe
+from iris_sysid.pipeline.one_clip import observe
 from iris_sysid.synthetic import Truth, render_clip
 from iris_sysid.types import Array, Track, TrackOptions
 from validation import pages

@@ -24,7 +24,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from iris_sysid.errors import IrisError
-from iris_sysid.pipeline import track
+from iris_sysid.pipeline.one_clip import track
 from iris_sysid.report.overlay import draw_body
 from iris_sysid.types import Frame, FrameSource, Track, TrackOptions
 from iris_sysid.video.reader import open_video

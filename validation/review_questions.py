@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from iris_sysid.errors import IrisError
-from iris_sysid.pipeline import track
+from iris_sysid.pipeline.one_clip import track
 from iris_sysid.review.doubtful_frames import FrameQuestion, questions_of
 from iris_sysid.types import Mask, Track, TrackOptions
 from iris_sysid.video.reader import open_video

@@ -32,7 +32,7 @@ from scipy.integrate import solve_ivp
 
 from iris_sysid.calibration.pixel_scale import scale
 from iris_sysid.io.csv_write import write_track
-from iris_sysid.pipeline import from_source
+from iris_sysid.pipeline.one_clip import from_source
 from iris_sysid.registry import PHENOMENA
 from iris_sysid.review.request import ReviewRequest
 from iris_sysid.types import Track

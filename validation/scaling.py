@@ -25,11 +25,11 @@ from pathlib import Path
 
 import pandas as pd
 
-from iris_sysid.benchmark.batch import Batch
-from iris_sysid.benchmark.dataset import benchmark_classes
 from iris_sysid.benchmark.groundtruth.measure import Conditions, measure
-from iris_sysid.benchmark.parallel import Workers, run_parallel
 from iris_sysid.benchmark.render_dataset import render_dataset
+from iris_sysid.pipeline.batch import Batch
+from iris_sysid.pipeline.clip_folders import benchmark_classes
+from iris_sysid.pipeline.parallel import Workers, run_parallel
 from iris_sysid.synthetic.scene import SCENES
 from validation import pages
 

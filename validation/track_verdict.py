@@ -24,7 +24,7 @@ from scipy.optimize import minimize
 from scipy.special import expit, xlogy
 
 from iris_sysid.errors import IrisError
-from iris_sysid.pipeline import track
+from iris_sysid.pipeline.one_clip import track
 from iris_sysid.synthetic import render_clip
 from iris_sysid.types import Array, FrameSource, TrackCandidate, TrackOptions
 from iris_sysid.video.reader import open_video

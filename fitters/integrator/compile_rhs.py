@@ -248,7 +248,7 @@ def _with_events(model: OdeModel) -> CompiledRhs:
 
 def _no_choice(*arguments: Any) -> int:
     """Steps are not chosen for a model with events: they end at those."""
-    raise NotImplementedError
+    raise AssertionError("steps of a model with events are planned in equal parts, not chosen")
 
 
 @functools.lru_cache(maxsize=512)

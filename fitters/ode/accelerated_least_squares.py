@@ -17,7 +17,7 @@ from scipy.linalg import cho_factor, cho_solve
 from iris_sysid.types import Array, Mask
 
 DAMPING = 1e-12, 1e-3, 1e6  # the least, the first and the largest, relative to the squares of the derivatives
-LEAST_FACTOR = 0.2  # of the damping after a step whose gain was as expected
+MIN_FACTOR = 0.2  # of the damping after a step whose gain was as expected
 PROBE = 0.1  # of a step, at which the residual is predicted for its second derivative; Transtrum and Sethna have it
 BEND = 0.75  # largest acceleration over the step for which the second order holds, by the same authors
 
@@ -34,7 +34,7 @@ class LeastSquaresEnd:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Quadratic:
-    """The sum of squares about values ``x`` (k,), of which those that ``moving`` (k,) marks are changed.
+    """The sum of squares about values ``x`` (k,); those that ``moving`` (k,) marks are changed.
 
     ``residual`` (r,) there and its derivatives ``slopes`` (r, m) by the moving values in units of ``size`` (k,).
     """
@@ -131,5 +131,5 @@ def accelerated_least_squares(
         x, now, before, cost, about = trial, found, cost, after, None
         if max(fall, expected) < tolerance * before:
             return LeastSquaresEnd(x, now, True, "a step changes the sum of squares no more")
-        damping, growth = max(damping * max(LEAST_FACTOR, 1 - (2 * gain - 1) ** 3), DAMPING[0]), 2.0
+        damping, growth = max(damping * max(MIN_FACTOR, 1 - (2 * gain - 1) ** 3), DAMPING[0]), 2.0
     return LeastSquaresEnd(x, now, False, "the largest number of evaluations was reached")

@@ -19,6 +19,7 @@ from fitters.ode.fit_problem import (
     without_start,
 )
 from fitters.ode.global_search import explains, grow, is_lost, scattered_starts, search
+from fitters.ode.gradient_matching import matched_starts
 from fitters.ode.intervals import Found, Method, checked_methods, disagreements, intervals_by
 from fitters.ode.known_inputs import gaps_of_inputs
 from fitters.ode.least_squares import (
@@ -38,7 +39,6 @@ from fitters.ode.request import DEFAULT_OPTIONS, NOTHING, FitOptions, FitRequest
 from fitters.ode.rest_position import calls_for_rest, held_zeros, is_better
 from fitters.ode.result import Lacking, conclude, errors_of, information_loss, linearise
 from fitters.ode.status import at_bounds, diverged
-from fitters.own_model.gradient_matching import matched_starts
 from fitters.own_model.ties import stated_by
 from iris_sysid.registry import MODELS
 from iris_sysid.trajectory.consistency.angle_unit import short_pendulum_doubt

@@ -14,11 +14,10 @@ from difflib import get_close_matches
 from pathlib import Path
 
 from iris_sysid.errors import DataError
-from iris_sysid.registry import PHENOMENA
+from iris_sysid.pipeline.clip_folders import CLIP_SUFFIXES, benchmark_classes
 from iris_sysid.types import BenchmarkClass
 
 BOARD = "checkerboard"  # the clip of a class folder that calibrates its camera
-SUFFIXES = (".mp4", ".mov", ".m4v", ".mkv", ".avi", ".webm", ".gif")
 NAME = re.compile(r"[^\W_](?:[\w .+-]*[\w+-])?")  # letters first: no hidden file, no control character, no separator
 MAX_NAME = 100
 
@@ -69,15 +68,6 @@ def places(clips: Iterable[Clip]) -> list[int]:
         positions.append(seen[clip.class_name, clip.setting])
         seen[clip.class_name, clip.setting] += 1
     return positions
-
-
-def benchmark_classes() -> dict[str, tuple[str, BenchmarkClass]]:
-    """Phenomenon and description of every class by its folder's name."""
-    return {
-        class_name.folder: (name, class_name)
-        for name, phenomenon in PHENOMENA.items()
-        for class_name in phenomenon.classes
-    }
 
 
 def list_clips(folder: str | Path) -> Listing:
@@ -146,7 +136,7 @@ def _unknown(name: str, known: Mapping[str, object]) -> str:
 
 def _board(folder: Path) -> Path | None:
     """The clip of the checkerboard in a class folder, if there is one."""
-    candidates = [folder / f"{BOARD}{suffix}" for suffix in SUFFIXES]
+    candidates = [folder / f"{BOARD}{suffix}" for suffix in CLIP_SUFFIXES]
     return next((path for path in candidates if path.is_file()), None)
 
 
@@ -169,7 +159,7 @@ def _clips(folder: Path, prefix: str, gaps: list[Gap]) -> dict[str, Path]:
     clips: dict[str, Path] = {}
     for name in _entries(folder, prefix, gaps):
         path = folder / name
-        if path.suffix.lower() not in SUFFIXES:
+        if path.suffix.lower() not in CLIP_SUFFIXES:
             continue
         if path.stem in clips:
             gaps.append(Gap(f"{prefix}{name}", f"left out: {clips[path.stem].name} is the same clip"))

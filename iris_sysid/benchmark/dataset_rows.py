@@ -9,10 +9,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from iris_sysid.benchmark.batch import Batch
 from iris_sysid.benchmark.dataset import places
 from iris_sysid.benchmark.groundtruth.measure import Conditions, Measurements, measure
-from iris_sysid.benchmark.parallel import Workers, run_parallel
 from iris_sysid.benchmark.sources.rows import (
     SELECTION,
     SHARING,
@@ -28,6 +26,8 @@ from iris_sysid.benchmark.studies.subjects import Subject, subjects_of
 from iris_sysid.errors import DataError, IrisError
 from iris_sysid.io.files import json_text, write_atomic
 from iris_sysid.io.schemas.groundtruth import MeasuredDocument
+from iris_sysid.pipeline.batch import Batch
+from iris_sysid.pipeline.parallel import Workers, run_parallel
 from iris_sysid.types import Progress, with_progress
 
 PER_CLIP = (

@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from iris_sysid.benchmark.batch import Batch
-from iris_sysid.benchmark.parallel import Workers, check_workers, run_parallel
 from iris_sysid.errors import DataError, IrisError, OutputError
 from iris_sysid.io.files import check_writable, json_text, origin_of, write_atomic
+from iris_sysid.pipeline.batch import Batch
+from iris_sysid.pipeline.parallel import Workers, check_workers, run_parallel
 from iris_sysid.synthetic.board import render_checkerboard
 from iris_sysid.synthetic.clip import render_clip
 from iris_sysid.synthetic.look import Look

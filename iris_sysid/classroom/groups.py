@@ -9,11 +9,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from iris_sysid.benchmark.dataset import SUFFIXES as CLIPS
 from iris_sysid.errors import DataError
 from iris_sysid.io.grouped_table import groups_of_table
 from iris_sysid.io.windows_paths import RESERVED
-from iris_sysid.pipeline import RunRequest
+from iris_sysid.pipeline.clip_folders import CLIP_SUFFIXES as CLIPS
+from iris_sysid.pipeline.one_clip import RunRequest
 from iris_sysid.types import Phenomenon
 
 TABLES = (".csv", ".txt", ".tsv", ".dat", ".xlsx", ".xls")

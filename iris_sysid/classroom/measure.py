@@ -12,8 +12,6 @@ import numpy as np
 
 from fitters.ode.single_clip import fit
 from fitters.positions import fit_positions, phenomenon_of
-from iris_sysid.benchmark.batch import Batch
-from iris_sysid.benchmark.parallel import Workers, check_workers, run_parallel
 from iris_sysid.calibration.pixel_scale import uncalibrated
 from iris_sysid.classroom.evidence import CAPTURE, diameter_of, evidence_of
 from iris_sysid.classroom.groups import Group
@@ -27,7 +25,8 @@ from iris_sysid.io.grouped_table import read_group
 from iris_sysid.io.json_documents import checked, entries_of, plain_origin, read_document, write_document, write_fit
 from iris_sysid.io.schemas import GroupDocument
 from iris_sysid.io.table_headers import columns_for
-from iris_sysid.pipeline import (
+from iris_sysid.pipeline.batch import Batch
+from iris_sysid.pipeline.one_clip import (
     FILES,
     accepted_settings,
     from_source,
@@ -38,6 +37,7 @@ from iris_sysid.pipeline import (
     save,
     track_clip,
 )
+from iris_sysid.pipeline.parallel import Workers, check_workers, run_parallel
 from iris_sysid.registry import MODELS
 from iris_sysid.trajectory.consistency.capture_rate import STATED
 from iris_sysid.types import Calibration, Estimate, FitResult, Progress, Track, Trajectory, with_progress

@@ -15,8 +15,6 @@ from iris_sysid.cli import _parsing
 from iris_sysid.cli._calibrate_arguments import BoardArguments, CameraArguments
 from iris_sysid.errors import CalibrationError
 
-UPWARD: dict[str, Literal["image", "board"]] = {"image": "image", "board": "board"}
-
 
 def request_of(
     sources: Sequence[Path],
@@ -58,9 +56,9 @@ def _view_named(text: str | None) -> int | Path | None:
 
 
 def _upward(text: str) -> Literal["image", "board"]:
-    if text not in UPWARD:
-        raise CalibrationError(f"--up must be {' or '.join(UPWARD)}, not {text!r}")
-    return UPWARD[text]
+    if text not in ("image", "board"):
+        raise CalibrationError(f"--up must be image or board, not {text!r}")
+    return "board" if text == "board" else "image"
 
 
 def _camera(camera: CameraArguments) -> CameraCalibration | None:

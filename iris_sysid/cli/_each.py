@@ -17,7 +17,7 @@ from iris_sysid.cli.arguments import EquationArguments, RecordArguments
 from iris_sysid.errors import DataError, IrisError
 
 if TYPE_CHECKING:
-    from iris_sysid.benchmark.diagnose_each import DiagnosisRequest
+    from iris_sysid.pipeline.diagnose_each import DiagnosisRequest
     from iris_sysid.types import Effect, OdeModel
 
     Model = tuple[OdeModel, Sequence[str]]
@@ -92,8 +92,8 @@ def diagnose_clips(
     clips: Sequence[Path], output: Path, request: EachRequest, workers: int | str, *, force: bool, json: bool
 ) -> bool:
     """Diagnose every table of some paths by itself, and print the summary; whether all are good and complete."""
-    from iris_sysid.benchmark.clip_folders import is_dataset, tables_in
-    from iris_sysid.benchmark.diagnose_each import COLUMNS, FAILED, INCOMPLETE, NamedTable, diagnose_each
+    from iris_sysid.pipeline.clip_folders import is_dataset, tables_in
+    from iris_sysid.pipeline.diagnose_each import COLUMNS, FAILED, INCOMPLETE, NamedTable, diagnose_each
     from iris_sysid.registry import EFFECTS
 
     data_sets = [path for path in clips if is_dataset(path)]
@@ -123,7 +123,7 @@ def diagnose_clips(
 
 def _name(table: Path) -> str:
     """Its file's name, or that of its folder of run."""
-    from iris_sysid.benchmark.clip_folders import TRAJECTORY
+    from iris_sysid.pipeline.clip_folders import TRAJECTORY
 
     return table.parent.name if table.name == TRAJECTORY else table.stem
 
@@ -149,8 +149,8 @@ def prepared(request: EachRequest, model: Model | None, effects: tuple[Effect, .
 
     ``model`` is that of all tables, with the constants estimated by default; None where each has its own.
     """
-    from iris_sysid.benchmark.diagnose_each import DiagnosisRequest
     from iris_sysid.cli import _parsing, _records
+    from iris_sysid.pipeline.diagnose_each import DiagnosisRequest
 
     stated, record, search = request.stated, request.record, request.search
     described, free_by_default = model or _model_of(table, request)

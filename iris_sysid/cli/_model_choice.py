@@ -26,7 +26,7 @@ def stated_model(
 
     Without a model, an equation and a phenomenon it is that of run.
     """
-    from iris_sysid.benchmark.clip_folders import tables_in
+    from iris_sysid.pipeline.clip_folders import tables_in
     from iris_sysid.registry import MODELS, PHENOMENA
 
     if stated.equation is not None:
@@ -77,7 +77,7 @@ def model_of_fit(document: FitDocument, clip: Trajectory) -> OdeModel:
 def _chosen(clips: Sequence[Path], record: RecordArguments) -> OdeModel:
     """The model of the bank that describes the first clip."""
     from fitters.selection.select import select_model
-    from iris_sysid.benchmark.clip_folders import tables_in
+    from iris_sysid.pipeline.clip_folders import tables_in
     from iris_sysid.registry import MODELS
 
     choice = select_model(_terminal.read_tables(tables_in(clips[0])[:1], record)[0])

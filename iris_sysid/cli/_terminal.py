@@ -135,7 +135,7 @@ def workers_of(work: WorkArguments) -> int | str:
         return work.workers or 1
     if work.workers is not None:
         raise DataError("give --workers or --scheduler, not both: the workers of a scheduler are started apart")
-    from iris_sysid.benchmark.cluster import connected
+    from iris_sysid.pipeline.cluster import connected
 
     with connected(scheduler) as client:
         count = len(client.nthreads())

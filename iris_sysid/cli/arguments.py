@@ -11,7 +11,7 @@ import typer
 from iris_sysid.cli import _completion
 
 if TYPE_CHECKING:
-    from iris_sysid.pipeline import RunRequest
+    from iris_sysid.pipeline.one_clip import RunRequest
     from iris_sysid.types import ClipOptions, Phenomenon, Progress
 
 Video = Annotated[Path, typer.Argument(help="Video, folder of images, GIF, or .zip/.trz that holds one.")]
@@ -199,7 +199,7 @@ class FilmArguments(ModelArguments, TrackerArguments, ClipArguments, ScaleArgume
     ) -> RunRequest:
         """Read the options; ``phenomenon`` is None where it is still to be chosen."""
         from iris_sysid.cli import _parsing
-        from iris_sysid.pipeline import RunRequest, accepted_settings
+        from iris_sysid.pipeline.one_clip import RunRequest, accepted_settings
         from iris_sysid.registry import TRACKERS
         from iris_sysid.types import GeometryOptions
 

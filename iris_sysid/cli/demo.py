@@ -41,7 +41,7 @@ def run_demo(folder: Path, *, overwrite: bool = False, progress: Callable[[int, 
     """
     from iris_sysid.diagnosis.diagnose import diagnose
     from iris_sysid.io.files import check_folder
-    from iris_sysid.pipeline import FILES, run, save
+    from iris_sysid.pipeline.one_clip import FILES, run, save
     from iris_sysid.report import diagnosis_files, diagnosis_page
     from iris_sysid.report.diagnosis_text import diagnosis_text
     from iris_sysid.report.text import residual_text, verdict_lines

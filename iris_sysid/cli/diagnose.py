@@ -68,10 +68,10 @@ def diagnose(
     Example:
       iris-sysid diagnose trajectory.csv --model pendulum -o diagnosis/
     """
-    from iris_sysid.benchmark.clip_folders import is_dataset, tables_in
     from iris_sysid.cli import _each, _model_choice, _parsing, _records
     from iris_sysid.io.files import check_folder
     from iris_sysid.io.json_documents import document_text
+    from iris_sysid.pipeline.clip_folders import is_dataset, tables_in
     from iris_sysid.registry import EFFECTS, MODELS
     from iris_sysid.report.diagnosis_files import FILES
 
@@ -164,7 +164,7 @@ def _validated(
 
 def _footage(path: Path, clip: "Trajectory") -> "Footage | None":
     """The frames of the first clip for the page, where ``run`` measured it and it still lies near its table."""
-    from iris_sysid.benchmark.clip_folders import is_dataset, tables_in
+    from iris_sysid.pipeline.clip_folders import is_dataset, tables_in
     from iris_sysid.report.film import footage_of_table
 
     return None if is_dataset(path) else footage_of_table(tables_in(path)[0], clip)
@@ -219,32 +219,22 @@ def _measured(
     workers: int | str,
 ) -> "list[Trajectory]":
     """The trajectories of tables and folders; clips of a data set are measured, with results beside the output."""
-    from iris_sysid.benchmark.clip_folders import clips_of_dataset, is_dataset, tables_in
-    from iris_sysid.cli import _parsing
-    from iris_sysid.errors import DataError
-    from iris_sysid.io.schemas.groundtruth import MeasuredDocument
+    from iris_sysid.pipeline.clip_folders import is_dataset, tables_in
 
-    direct = MeasuredDocument()
-    if joint.board is not None or joint.square is not None:
-        from iris_sysid.benchmark.groundtruth.direct import with_board
-
-        direct = with_board(direct, _parsing.board(joint.board, joint.square))
     trajectories: list[Trajectory] = []
     for path in clips:
         if not is_dataset(path):
             trajectories += _terminal.read_tables(tables_in(path), record, model)
             continue
-        if phenomenon is None:
-            raise DataError(f"{path} is a data set: choose its clips, e.g. --phenomenon pendulum")
-        with _terminal.progress("measuring clips") as report_progress:
-            trajectories += clips_of_dataset(
-                path,
-                phenomenon,
-                Path(f"{output}".rstrip("/") + ".work"),
-                board=direct,
-                trials=joint.trials,
-                workers=workers,
-                tell=_terminal.tell,
-                progress=report_progress,
-            )
+        from iris_sysid.cli._dataset_clips import measured_clips  # loads the benchmark, which tables do without
+
+        trajectories += measured_clips(
+            path,
+            phenomenon,
+            Path(f"{output}".rstrip("/") + ".work"),
+            corners=joint.board,
+            square=joint.square,
+            trials=joint.trials,
+            workers=workers,
+        )
     return trajectories

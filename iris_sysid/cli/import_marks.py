@@ -29,11 +29,11 @@ def import_marks(
     Example:
       iris-sysid import toss.trz -o track.csv
     """
-    from iris_sysid import pipeline
     from iris_sysid.calibration.calibration_json import read_calibration
     from iris_sysid.calibration.pixel_scale import to_world
     from iris_sysid.errors import CalibrationError
     from iris_sysid.io import csv_write, osp_tracker
+    from iris_sysid.pipeline import one_clip
 
     _terminal.check_outputs(project, [output, world], overwrite=force)
     content = osp_tracker.read_osp(project)
@@ -41,7 +41,7 @@ def import_marks(
         raise CalibrationError(f"{project} has no scale: calibrate it in Tracker, or leave out --world")
     metres = world or (output.with_name(f"{output.stem}-world.csv") if content.calibrated else None)
     _terminal.check_outputs(project, [output, metres], overwrite=force)
-    tracks = pipeline.from_source(osp_tracker.marked_tracks(content, fps=fps), project, {"fps": fps})
+    tracks = one_clip.from_source(osp_tracker.marked_tracks(content, fps=fps), project, {"fps": fps})
     csv_write.write_track(tracks, output, overwrite=force)
     tables = []
     if metres is not None:

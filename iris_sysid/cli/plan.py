@@ -122,9 +122,9 @@ def _after_a_clip(
     json: bool,
 ) -> None:
     """Rank the changes, and weigh the effects with a new clip where there is one."""
-    from iris_sysid.benchmark.clip_folders import tables_in
     from iris_sysid.io.files import check_folder
     from iris_sysid.io.json_documents import document_text
+    from iris_sysid.pipeline.clip_folders import tables_in
 
     if output is not None:
         check_folder(output, FILES, overwrite=force)

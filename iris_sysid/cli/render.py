@@ -127,7 +127,7 @@ def _render_dataset(
 
 def _phenomena(classes: list[str]) -> list[str]:
     """The scenes of classes, each given by its folder or its phenomenon; without any, those of the benchmark."""
-    from iris_sysid.benchmark.dataset import benchmark_classes
+    from iris_sysid.pipeline.clip_folders import benchmark_classes
     from iris_sysid.synthetic.scene import SCENES
 
     if EVERY_CLASS in classes:

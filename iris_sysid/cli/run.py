@@ -26,24 +26,24 @@ def run(
     Example:
       iris-sysid run pendulum.mp4 --phenomenon pendulum --scale 640px=1m -o out/
     """
-    from iris_sysid import pipeline
+    from iris_sysid.pipeline import one_clip
     from iris_sysid.registry import PHENOMENA
     from iris_sysid.report.text import is_in_px
 
-    _terminal.check_outputs(video, [output / name for name in pipeline.FILES], overwrite=force)
+    _terminal.check_outputs(video, [output / name for name in one_clip.FILES], overwrite=force)
     if phenomenon is None:
         _ask_for_phenomenon(video, output, as_typed(film))
     chosen = PHENOMENA.named(phenomenon)
     by_hand = _terminal.by_hand(output, video, "--phenomenon", phenomenon, *as_typed(film))
     with by_hand, _terminal.progress("tracking", then="calibrating and fitting") as report_progress:
         request = film.request(chosen, progress=report_progress)
-        result = pipeline.run(
+        result = one_clip.run(
             video,
             request.phenomenon or chosen,
             options=request.tracking,
             **request.of_tracks(),
         )
-    page = pipeline.save(result, output, overwrite=force)
+    page = one_clip.save(result, output, overwrite=force)
     _terminal.show_fit(result.fit, result.trajectory, json)
     typer.echo(f"report: {page}", err=True)
     _terminal.check_usable(result.fit)

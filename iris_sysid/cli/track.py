@@ -59,11 +59,11 @@ def track(
     Example:
       iris-sysid track toss.mp4 --mark 1=120,88@35 -o track.csv --overlay overlay.mp4
     """
-    from iris_sysid import pipeline
     from iris_sysid.calibration.pixel_scale import to_world
     from iris_sysid.calibration.plane import check_image_size
     from iris_sysid.cli import _parsing
     from iris_sysid.errors import DataError
+    from iris_sysid.pipeline import one_clip
     from iris_sysid.registry import PHENOMENA
     from iris_sysid.video.reader import open_video
 
@@ -91,7 +91,7 @@ def track(
         options = replace(options, explain=candidates.extend if explain else None)
         if mask is not None:
             options = replace(options, mask=open_video(mask, fps=clip.fps or opened.rate or 60.0))
-        tracks = pipeline.track(opened, name, options)
+        tracks = one_clip.track(opened, name, options)
     from iris_sysid.io import csv_write
 
     recorded = {
@@ -102,7 +102,7 @@ def track(
         "stop_s": clip.stop,
         "keep_partial": clip.keep_partial,
     }
-    tracks = pipeline.from_source(tracks, video, recorded, complete=opened.complete)
+    tracks = one_clip.from_source(tracks, video, recorded, complete=opened.complete)
     csv_write.write_track(tracks, output, overwrite=force)
     if world is not None and calibration is not None:
         bodies_in_m = {body.body: to_world(body, calibration) for body in tracks}
@@ -116,7 +116,7 @@ def track(
 
         with _terminal.progress("drawing") as report_progress:
             write_overlay(opened, tracks, overlay, overwrite=force, progress=report_progress)
-    for text in filter(None, [opened.warning, *pipeline.doubts_of(tracks)]):
+    for text in filter(None, [opened.warning, *one_clip.doubts_of(tracks)]):
         typer.echo(f"warning: {text}", err=True)
     _terminal.print_rows(_rows(tracks), json, header=True)
     if not json:

@@ -227,7 +227,8 @@ def _object(parent: Element | None, name: str) -> Element | None:
 
 def _items(parent: Element | None, name: str) -> Iterator[tuple[str, Element]]:
     """Name and object of each entry of an array or collection."""
-    for entry in _property(parent, name) or ():
+    element = _property(parent, name)
+    for entry in () if element is None else element:
         held = entry.find("object")
         if held is not None:
             yield entry.get("name", ""), held

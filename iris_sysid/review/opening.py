@@ -14,7 +14,7 @@ from iris_sysid.io.clip_place import places_of, way_to
 from iris_sysid.io.csv_read import SIDE_CAR, read_track, side_car_of
 from iris_sysid.io.csv_write import write_track
 from iris_sysid.io.files import check_writable, read_file, write_atomic
-from iris_sysid.pipeline import check_request
+from iris_sysid.pipeline.one_clip import check_request
 from iris_sysid.review.edits import Tracked
 from iris_sysid.review.history import ReviewState
 from iris_sysid.review.log import LOG_NAME, Entry, LogWriter, read_log

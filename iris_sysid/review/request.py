@@ -8,7 +8,7 @@ from typing import Any
 
 from iris_sysid.calibration.pixel_scale import scale
 from iris_sysid.errors import DataError, IrisError
-from iris_sysid.pipeline import AUTO, RunRequest, request_origin
+from iris_sysid.pipeline.one_clip import AUTO, RunRequest, request_origin
 from iris_sysid.registry import PHENOMENA, TRACKERS
 from iris_sysid.types import (
     Calibration,

@@ -13,12 +13,12 @@ from typing import Any
 
 import numpy as np
 
-from iris_sysid import pipeline
 from iris_sysid.errors import DataError, IrisError, TrackingError, VideoError
 from iris_sysid.io.archives import member_of
 from iris_sysid.io.csv_read import read_track
 from iris_sysid.io.csv_write import write_track
 from iris_sysid.io.files import sha256_of
+from iris_sysid.pipeline import one_clip
 from iris_sysid.review.corrected_tracks import Tracks, edited_mask, in_frame_px, passes
 from iris_sysid.review.edits import BoardCorners, Edit, ScaleBar, Tracked
 from iris_sysid.review.fit_process import fitted_apart
@@ -239,7 +239,7 @@ class Session:
         if request.phenomenon is None or not bodies:
             return None
         return partial(
-            pipeline.run_tracked,
+            one_clip.run_tracked,
             tracks=bodies,
             phenomenon=request.phenomenon,
             source=self.clip,
@@ -252,7 +252,7 @@ class Session:
         return self._opened()
 
     def _opened(self) -> Video:
-        return pipeline.open_clip(self.clip, self.state.request.clip)
+        return one_clip.open_clip(self.clip, self.state.request.clip)
 
     def with_origin(self, state: ReviewState) -> list[Track]:
         """The tracks of a ``state``, whose origin says what it was made of and what was done by hand."""
@@ -296,9 +296,9 @@ class Session:
         except TrackingError:
             nothing = None if self.tracking.stop or self.state.tracks else unfollowed(self.video)
             if nothing is not None:
-                self._add_tracks(pipeline.from_source([nothing], self.clip, request.recorded()))
+                self._add_tracks(one_clip.from_source([nothing], self.clip, request.recorded()))
             raise
-        return pipeline.from_source(tracks, self.clip, request.recorded(), complete=video.complete)
+        return one_clip.from_source(tracks, self.clip, request.recorded(), complete=video.complete)
 
     def _progress(self, done: int, expected: int) -> None:
         self.tracking.done, self.tracking.expected = done, expected
@@ -359,8 +359,8 @@ class Session:
 
     def _write(self, outcome: FitOutcome | None) -> list[str]:
         if outcome is not None and outcome.run is not None:
-            pipeline.save(outcome.run, self.folder, overwrite=True)
-            return list(pipeline.FILES)
+            one_clip.save(outcome.run, self.folder, overwrite=True)
+            return list(one_clip.FILES)
         if not self.state.tracks:
             raise DataError("there is nothing to save: no body was tracked or placed")
         write_track(self.with_origin(self.state), self.folder / "track.csv", overwrite=True)
@@ -404,13 +404,13 @@ def followed(video: Video, request: ReviewRequest, options: TrackOptions) -> lis
     """
     hands = _with_names(request.ignored)
     if not hands:
-        return pipeline.track(video, request.tracker, options)
+        return one_clip.track(video, request.tracker, options)
     marks = (*options.marks, *hands) if options.marks else ()
     more = replace(options, bodies=options.bodies + len({hand.body for hand in hands}), marks=marks)
     try:
-        tracks = pipeline.track(video, request.tracker, more)
+        tracks = one_clip.track(video, request.tracker, more)
     except TrackingError:
-        tracks = pipeline.track(video, request.tracker, options)  # the tracker finds fewer objects
+        tracks = one_clip.track(video, request.tracker, options)  # the tracker finds fewer objects
     left = [track for track in tracks if not any(passes(track, hand) for hand in hands)]
     if not left:
         raise TrackingError("nothing was found but what is to be ignored; show the body in a frame or two")

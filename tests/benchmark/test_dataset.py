@@ -4,9 +4,10 @@ import os
 
 import pytest
 
-from iris_sysid.benchmark.dataset import benchmark_classes, list_clips
+from iris_sysid.benchmark.dataset import list_clips
 from iris_sysid.benchmark.sources.published import truths
 from iris_sysid.errors import DataError
+from iris_sysid.pipeline.clip_folders import benchmark_classes
 from iris_sysid.registry import MODELS, PHENOMENA
 from iris_sysid.synthetic import SCENES
 from validation.audit.folder import PARAMETERS

@@ -398,8 +398,8 @@ def test_outputs_are_checked_before_the_long_work(folder, cli, monkeypatch):
         raise AssertionError("the work began")
 
     for module, name in (
-        ("iris_sysid.pipeline", "run"),
-        ("iris_sysid.pipeline", "track"),
+        ("iris_sysid.pipeline.one_clip", "run"),
+        ("iris_sysid.pipeline.one_clip", "track"),
         ("iris_sysid.trajectory.smoothing", "smooth"),
         ("fitters.ode.single_clip", "fit"),
         ("iris_sysid.diagnosis.diagnose", "diagnose"),

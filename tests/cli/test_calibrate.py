@@ -10,7 +10,6 @@ import pytest
 import scipy.stats
 from typer.testing import CliRunner
 
-from iris_sysid import pipeline
 from iris_sysid.calibration.board.board import Board
 from iris_sysid.calibration.board.calibrate import camera_of
 from iris_sysid.calibration.board.plane_pose import plane_from_board
@@ -23,6 +22,7 @@ from iris_sysid.cli import app
 from iris_sysid.errors import CalibrationError, DataError, IrisError
 from iris_sysid.io.csv_read import read_trajectory
 from iris_sysid.io.csv_write import write_trajectory, write_worlds
+from iris_sysid.pipeline import one_clip
 from iris_sysid.registry import PHENOMENA
 from iris_sysid.report.budget import budget_sections, calibration_section
 from iris_sysid.synthetic import Look, render_checkerboard, render_clip
@@ -95,12 +95,12 @@ def test_positions_undistort_the_lens(calibration):
 
 
 def test_calibration_of_another_resolution_is_refused_before_any_frame_is_read(calibration, monkeypatch):
-    monkeypatch.setattr(pipeline, "open_video", lambda *_, **__: SimpleNamespace(width=1920, height=1080))
+    monkeypatch.setattr(one_clip, "open_video", lambda *_, **__: SimpleNamespace(width=1920, height=1080))
     with pytest.raises(CalibrationError, match=r"made from images of 960x540 px, the clip is 1920x1080 px"):
-        pipeline.run("drop.mp4", "dropping-ball", calibration=calibration)
-    monkeypatch.setattr(pipeline, "open_video", lambda *_, **__: SimpleNamespace(width=900, height=540))
+        one_clip.run("drop.mp4", "dropping-ball", calibration=calibration)
+    monkeypatch.setattr(one_clip, "open_video", lambda *_, **__: SimpleNamespace(width=900, height=540))
     with pytest.raises(CalibrationError, match="of another shape: the images were cropped"):
-        pipeline.run("drop.mp4", "dropping-ball", calibration=calibration)
+        one_clip.run("drop.mp4", "dropping-ball", calibration=calibration)
 
 
 # --------------------------------------------------------------------------- into the parameters
@@ -108,7 +108,7 @@ def test_calibration_of_another_resolution_is_refused_before_any_frame_is_read(c
 
 def fitted(body, calibration, **options):
     chosen = PHENOMENA["dropping-ball"]
-    return pipeline.observe_and_fit([body], calibration, chosen, {}, **options)[1:]
+    return one_clip.observe_and_fit([body], calibration, chosen, {}, **options)[1:]
 
 
 def test_error_of_a_scale_is_that_share_of_gravity():
@@ -138,7 +138,7 @@ def test_error_of_the_scale_does_not_reach_an_angle():
     xy_px = xy_px + np.random.default_rng(0).normal(0, 0.05, xy_px.shape)
     body = Track(t_s, xy_px, np.full((200, 2), 0.05), np.ones(200, bool), np.arange(200))
     mark = {"pivot": tuple(to_pixels(exact, np.array([[1.0, -0.2]]))[0])}
-    _, trajectory = pipeline.observe([body], exact, "pendulum", {}, marks_px=mark)
+    _, trajectory = one_clip.observe([body], exact, "pendulum", {}, marks_px=mark)
     assert not trajectory.systematic
 
 

@@ -8,9 +8,9 @@ from functools import partial
 import pytest
 
 from iris_sysid import MODELS
-from iris_sysid.benchmark.diagnose_each import NamedTable, diagnose_each
 from iris_sysid.cli._each import EachRequest, SearchArguments, prepared
 from iris_sysid.cli.arguments import EquationArguments
+from iris_sysid.pipeline.diagnose_each import NamedTable, diagnose_each
 from iris_sysid.types import DiagnosticNote
 
 PENDULUM = MODELS["pendulum"]

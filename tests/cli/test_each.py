@@ -7,10 +7,10 @@ import shutil
 import pandas as pd
 import pytest
 
-from iris_sysid.benchmark import diagnose_each as module
-from iris_sysid.benchmark.diagnose_each import DiagnosisRequest, NamedTable, diagnose_each
 from iris_sysid.errors import DataError, OutputError
 from iris_sysid.io.csv_read import read_trajectory
+from iris_sysid.pipeline import diagnose_each as module
+from iris_sysid.pipeline.diagnose_each import DiagnosisRequest, NamedTable, diagnose_each
 from iris_sysid.registry import MODELS
 from tests.conftest import listing
 

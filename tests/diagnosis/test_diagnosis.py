@@ -91,8 +91,11 @@ def test_clean_data_get_nothing_added_and_limits():
 
 @pytest.mark.slow
 def test_false_alarms_on_clean_data_stay_near_five_percent():
-    alarms = sum(bool(diagnose(swing({}, seed=100 + k, n=300), PENDULUM).added) for k in range(200))
-    assert alarms <= 20  # binomial: P(more than 20 of 200 at 5 %) = 0.1 %
+    """At most 5 of 100, else 20 of 200: at 12 % the first passes in 2 of 100, the second in 22."""
+    alarms = sum(bool(diagnose(swing({}, seed=100 + k, n=300), PENDULUM).added) for k in range(100))
+    if alarms > 5:
+        alarms += sum(bool(diagnose(swing({}, seed=200 + k, n=300), PENDULUM).added) for k in range(100))
+        assert alarms <= 20  # binomial: P(more than 20 of 200 at 5 %) = 0.1 %
 
 
 @pytest.mark.parametrize("name", ["quadratic-drag", "coulomb-friction", "zero-offset", "parameter-drift"])

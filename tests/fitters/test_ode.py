@@ -89,14 +89,20 @@ def test_fit_from_starts_half_off_finds_99_of_100_global_minima():
 @pytest.mark.slow
 @pytest.mark.parametrize("name", list(MODELS))
 def test_every_model_finds_its_minimum_from_starts_half_off(name):
-    model, recovered = MODELS[name], 0
+    """All of 20, else 39 of 40: a true share of 90 % passes the first in 12 of 100 cases, the second in 8."""
+    recovered = sum(finds_minimum(MODELS[name], seed) for seed in range(20))
+    if recovered < 20:
+        recovered += sum(finds_minimum(MODELS[name], seed) for seed in range(20, 40))
+        assert recovered >= 39
+
+
+def finds_minimum(model, seed) -> bool:
+    """Whether a fit from starts 50 % off ends within 6 standard errors of the truth."""
+    rng = np.random.default_rng(seed)
     values, _ = example(model)
-    for seed in range(40):
-        rng = np.random.default_rng(seed)
-        start = {key: value * rng.choice([0.5, 1.5]) for key, value in values.items()}
-        estimates = fit(clip_of(model, NOISE, seed), model, start=start, options=FitOptions(multistart=0)).estimates
-        recovered += all(abs(estimates[key].value - value) < 6 * estimates[key].stderr for key, value in values.items())
-    assert recovered >= 39
+    start = {key: value * rng.choice([0.5, 1.5]) for key, value in values.items()}
+    estimates = fit(clip_of(model, NOISE, seed), model, start=start, options=FitOptions(multistart=0)).estimates
+    return all(abs(estimates[key].value - value) < 6 * estimates[key].stderr for key, value in values.items())
 
 
 @pytest.mark.slow

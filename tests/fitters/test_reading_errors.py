@@ -5,7 +5,7 @@ import pytest
 
 from fitters.ode import fit, simulate
 from iris_sysid.calibration.pixel_scale import uncalibrated
-from iris_sysid.pipeline import observe
+from iris_sysid.pipeline.one_clip import observe
 from iris_sysid.registry import MODELS
 from iris_sysid.trajectory.systematic_errors import from_pivots
 from iris_sysid.types import Estimate, Quantity, Track, Trajectory

@@ -5,7 +5,7 @@ import pytest
 
 from iris_sysid import PHENOMENA, DataError, Estimate
 from iris_sysid.calibration.pixel_scale import scale, uncalibrated
-from iris_sysid.pipeline import observe_and_fit
+from iris_sysid.pipeline.one_clip import observe_and_fit
 from iris_sysid.types import Track
 
 T_S = np.arange(240) / 60

@@ -7,7 +7,7 @@ from fitters.integrator.event_times import event_times
 from fitters.ode import FitOptions, fit
 from iris_sysid.calibration.pixel_scale import uncalibrated
 from iris_sysid.errors import DataError
-from iris_sysid.pipeline import observe, track
+from iris_sysid.pipeline.one_clip import observe, track
 from iris_sysid.registry import MODELS, PHENOMENA
 from iris_sysid.synthetic.plan import plan_clip
 from iris_sysid.types import Quantity, Segment, TrackOptions, Trajectory

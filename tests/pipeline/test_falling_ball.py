@@ -6,7 +6,7 @@ from scipy.signal import lfilter
 
 from fitters.ode import fit
 from iris_sysid.calibration.pixel_scale import uncalibrated
-from iris_sysid.pipeline import observe
+from iris_sysid.pipeline.one_clip import observe
 from iris_sysid.registry import MODELS, PHENOMENA
 from iris_sysid.types import Quantity, Segment, Track, Trajectory
 

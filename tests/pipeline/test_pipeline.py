@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from iris_sysid import TRACKERS, Estimate, IrisError, pipeline, plot, run, save, scale, track
+from iris_sysid import TRACKERS, Estimate, IrisError, plot, run, save, scale, track
 from iris_sysid.errors import CalibrationError, DataError, OutputError, UnknownNameError
 from iris_sysid.io.files import sha256_of
+from iris_sysid.pipeline import one_clip
 from iris_sysid.registry import MODELS, PHENOMENA
 from iris_sysid.synthetic import read_truth
 from iris_sysid.types import GeometryOptions, Track, TrackOptions
@@ -95,7 +96,7 @@ def test_save_writes_all_files_of_the_folder(result, tmp_path):
     page = save(result, tmp_path / "out")
     assert page == tmp_path / "out" / "report.html"
     side_cars = {"track.csv.origin.json", "trajectory.csv.origin.json"}
-    assert set(listing(tmp_path / "out")) == {*pipeline.FILES, *side_cars}
+    assert set(listing(tmp_path / "out")) == {*one_clip.FILES, *side_cars}
 
 
 def test_save_twice_writes_the_same_bytes(result, tmp_path):
@@ -104,7 +105,7 @@ def test_save_twice_writes_the_same_bytes(result, tmp_path):
     assert listing(tmp_path / "one") == listing(tmp_path / "two")
 
 
-@pytest.mark.parametrize("name", pipeline.FILES)
+@pytest.mark.parametrize("name", one_clip.FILES)
 def test_save_refuses_before_it_writes_when_one_file_is_there(result, tmp_path, name):
     (tmp_path / name).write_text("mine")
     with pytest.raises(OutputError, match=f"{name} exists already"):
@@ -121,7 +122,7 @@ def test_save_with_overwrite_replaces(result, tmp_path):
 @pytest.mark.parametrize("name", PHENOMENA)
 def test_accepted_settings_are_the_parameters_and_what_the_phenomenon_declares(name):
     phenomenon = PHENOMENA[name]
-    units = pipeline.accepted_settings(phenomenon)
+    units = one_clip.accepted_settings(phenomenon)
     for parameter in MODELS[phenomenon.model].parameters:
         assert units[parameter.name] == parameter.unit
     assert set(phenomenon.settings) <= set(units)
@@ -168,7 +169,7 @@ def test_accepted_settings_are_the_parameters_and_what_the_phenomenon_declares(n
 def test_run_refuses_what_it_does_not_know_before_any_frame_is_read(
     phenomenon, options, error, message, tmp_path, monkeypatch
 ):
-    monkeypatch.setattr(pipeline, "open_video", lambda *_, **__: pytest.fail("the video was opened"))
+    monkeypatch.setattr(one_clip, "open_video", lambda *_, **__: pytest.fail("the video was opened"))
     with pytest.raises(error, match=message):
         run(tmp_path / "no.mp4", phenomenon, **options)
 
@@ -189,7 +190,7 @@ def test_run_on_a_clip_without_a_pendulum_is_refused(clip, message, request):
 
 def test_observe_with_too_few_tracks_is_refused(result):
     with pytest.raises(DataError, match="pendulum needs 1 bodies, but 0 were tracked"):
-        pipeline.observe([], result.calibration, "pendulum")
+        one_clip.observe([], result.calibration, "pendulum")
 
 
 def test_throw_is_followed_back_to_where_its_launch_was_marked():
@@ -197,7 +198,7 @@ def test_throw_is_followed_back_to_where_its_launch_was_marked():
     x_m, z_m = 1.2 * t_s, 2.0 * t_s - 9.80665 / 2 * t_s**2
     xy_px = np.column_stack([300 * x_m, 400 - 300 * z_m]) + np.random.default_rng(0).normal(0, 0.05, (t_s.size, 2))
     body = Track(t_s, xy_px, np.full_like(xy_px, 0.05), np.ones(t_s.size, bool), np.arange(20, 90))
-    _, _, result = pipeline.observe_and_fit(
+    _, _, result = one_clip.observe_and_fit(
         [body], scale(300.0, 1.0), PHENOMENA["projectile"], {}, marks_px={"launch": (0, 400)}
     )
     speed = result.estimates["launch_speed"]

@@ -11,7 +11,7 @@ import pytest
 from tests._project import ROOT
 
 TARGETS = {
-    *("demo", "test", "test-slow", "test-lowest", "lint", "format", "validation", "torture", "fuzz"),
+    *("demo", "test", "test-slow", "test-lowest", "test-versions", "lint", "format", "validation", "torture", "fuzz"),
     *("docs", "wheel", "sbom", "constraints", "clean"),
 }
 CONSTRAINTS = [

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from iris_sysid import MODELS, fit, read_trajectory, run, save
-from iris_sysid.benchmark.diagnose_each import DiagnoseEach, DiagnosisRequest, NamedTable
 from iris_sysid.io.clip_place import CLIP_PLACE
+from iris_sysid.pipeline.diagnose_each import DiagnoseEach, DiagnosisRequest, NamedTable
 from iris_sysid.report import film as film_module
 from iris_sysid.report.film import Footage, film_of, footage_of_table, model_px
 from iris_sysid.types import Quantity, Track, Trajectory

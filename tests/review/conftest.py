@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from starlette.testclient import TestClient
 
-from iris_sysid import pipeline
 from iris_sysid.io.csv_read import read_track
 from iris_sysid.io.csv_write import write_track
+from iris_sysid.pipeline import one_clip
 from iris_sysid.review.app import review_app
 from iris_sysid.review.opening import open_result
 from iris_sysid.review.session import Session
@@ -63,7 +63,7 @@ def swing(made) -> Path:
     """A folder with two seconds of a pendulum of 0.5 m at 60 frames a second, and its run in ``out``."""
     folder = made / "review"
     render_clip("pendulum", folder / "pendulum.mp4", size=(320, 180), fps=60.0, duration_s=2.0, seed=1)
-    pipeline.save(pipeline.run(folder / "pendulum.mp4", "pendulum"), folder / "out")
+    one_clip.save(one_clip.run(folder / "pendulum.mp4", "pendulum"), folder / "out")
     return folder
 
 

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from iris_sysid import pipeline
 from iris_sysid.errors import DataError, FitError
 from iris_sysid.io.csv_read import read_track
 from iris_sysid.phenomena import pendulum
+from iris_sysid.pipeline import one_clip
 from iris_sysid.registry import PHENOMENA
 from iris_sysid.review import session as of_session
 from iris_sysid.review.fit_process import AbandonedError, fitted_apart
@@ -34,12 +34,12 @@ def waiting(video):
 
 @pytest.fixture(scope="module")
 def video(swing):
-    return pipeline.open_clip(swing / "pendulum.mp4", pipeline.WHOLE_CLIP)
+    return one_clip.open_clip(swing / "pendulum.mp4", one_clip.WHOLE_CLIP)
 
 
 def test_run_is_the_same_as_in_this_process(swing, video):
     tracks = read_track(swing / "out" / "track.csv")
-    fit = partial(pipeline.run_tracked, tracks=tracks, phenomenon="pendulum", source=video.path)
+    fit = partial(one_clip.run_tracked, tracks=tracks, phenomenon="pendulum", source=video.path)
     apart, here = fitted_apart(fit, video, never), fit(video)
     assert apart.fit.estimates["length"].value == here.fit.estimates["length"].value
     assert apart.video is video
@@ -50,7 +50,7 @@ def test_phenomenon_of_a_users_file_is_fitted_there_too(swing, video, tmp_path):
     own.write_text(Path(pendulum.__file__).read_text("utf-8"), "utf-8")
     mine = PHENOMENA.named(f"{own}:PHENOMENON")
     fit = partial(
-        pipeline.run_tracked, tracks=read_track(swing / "out" / "track.csv"), phenomenon=mine, source=video.path
+        one_clip.run_tracked, tracks=read_track(swing / "out" / "track.csv"), phenomenon=mine, source=video.path
     )
     assert fitted_apart(fit, video, never).fit.usable
 

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from iris_sysid import pipeline
 from iris_sysid.calibration.pixel_scale import scale_from_text
 from iris_sysid.errors import CalibrationError, DataError, UnknownNameError
+from iris_sysid.pipeline import one_clip
 from iris_sysid.registry import PHENOMENA
 from iris_sysid.review.opening import open_clip
 from iris_sysid.review.request import ReviewRequest, request_of
@@ -51,7 +51,7 @@ def test_scale_from_gravity_reads_back_with_its_error():
 
 def test_run_with_a_scale_opens_with_it(project, opened):
     out = project / "scaled"
-    pipeline.save(pipeline.run(project / "pendulum.mp4", "pendulum", calibration="180px=0.5m"), out)
+    one_clip.save(one_clip.run(project / "pendulum.mp4", "pendulum", calibration="180px=0.5m"), out)
     calibration = opened(out).state.request.calibration
     assert calibration.scale.value == pytest.approx(360.0)
 

@@ -8,7 +8,7 @@ import pytest
 
 from iris_sysid import TRACKERS, open_video, uncalibrated
 from iris_sysid.errors import DataError, TrackingError
-from iris_sysid.pipeline import observe_and_fit
+from iris_sysid.pipeline.one_clip import observe_and_fit
 from iris_sysid.registry import PHENOMENA
 from iris_sysid.types import Frame, PixelCoding, TrackOptions, Transfer
 from tests._drawn import disc, paint

@@ -14,9 +14,9 @@ from trackers._detection.detection import Detection, EdgeObject, FrameDetections
 from trackers._detection.subpixel_centroid import Centre
 from trackers._frames.working_image import view_of
 from trackers._linking.at_edge import with_frames_at_edge
-from trackers._linking.frame_to_frame import Tracklet, link
 from trackers._linking.likely_bodies import LikelyBodies
 from trackers._linking.select_bodies import link_bodies, with_fragments
+from trackers._tracklets.frame_to_frame import Tracklet, link
 
 RADIUS, SPEED = 20.0, 50.0  # px, px a frame: farther than the two are wide together
 

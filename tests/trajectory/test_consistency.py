@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from iris_sysid import MODELS, PHENOMENA, DataError, Estimate, Track, Trajectory, fit, scale, uncalibrated
-from iris_sysid.pipeline import observe_and_fit
+from iris_sysid.pipeline.one_clip import observe_and_fit
 from iris_sysid.trajectory.consistency.angle_unit import short_pendulum_doubt, with_degrees_doubt
 from iris_sysid.trajectory.consistency.gravity_scale import circle_radius
 from iris_sysid.trajectory.consistency.path_shape import reversals

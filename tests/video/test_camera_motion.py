@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from iris_sysid.io.csv_write import read_track, write_track
-from iris_sysid.pipeline import camera_note, track
+from iris_sysid.pipeline.one_clip import camera_note, track
 from iris_sysid.registry import TRACKERS
 from iris_sysid.report.overlay import draw_body
 from iris_sysid.types import Track, TrackCandidate, TrackMark, TrackOptions, mapped

@@ -17,8 +17,8 @@ from trackers._auto.scene import SampledScene
 from trackers._auto.verdict import PROBABILITY, judged, largest_probability
 from trackers._auto.verdict_weights import DOUBTFUL, SURE
 from trackers._frames.working_image import view_of
-from trackers._linking.frame_to_frame import Tracklet
 from trackers._linking.moving_bodies import MovingBodies, follow, is_apart, is_marked
+from trackers._tracklets.frame_to_frame import Tracklet
 
 SAMPLES = 40  # as many as the background is made of
 MAX_BODIES = 3  # more bodies are too alike to be followed by appearance

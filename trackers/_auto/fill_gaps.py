@@ -17,7 +17,7 @@ from trackers._auto.follow_appearance import APART, REACH_RADII, REACH_SHARE, RO
 from trackers._auto.known_looks import KnownLooks, known_looks
 from trackers._auto.scene import Place, SampledScene
 from trackers._frames.working_image import WorkingView
-from trackers._linking.frame_to_frame import MAX_GAP, SPEED_CHANGE
+from trackers._tracklets.frame_to_frame import MAX_GAP, SPEED_CHANGE
 
 MIN_SEEN = 3  # rows that say where the body goes
 

@@ -22,8 +22,8 @@ from trackers._detection.local_background import GAP, components_of, local_detec
 from trackers._detection.subpixel_centroid import Centre
 from trackers._frames.arrays import Bytes
 from trackers._frames.working_image import WorkingView
-from trackers._linking.frame_to_frame import Tracklet
 from trackers._linking.to_track import track_of
+from trackers._tracklets.frame_to_frame import Tracklet
 
 REACH_RADII, REACH_SHARE = 4.0, 0.05  # of the radius, of the diagonal: how far a fast body goes in a frame
 WINDOW = 2.5  # radii: half the side of the window in which a body is measured

@@ -10,7 +10,7 @@ import numpy as np
 from iris_sysid.types import Array
 from trackers._detection.detection import FrameDetections
 from trackers._disc.model import Disc, Motion
-from trackers._linking.frame_to_frame import Tracklet
+from trackers._tracklets.frame_to_frame import Tracklet
 
 NEIGHBOURS = 2  # detections on either side whose median gives the radius
 MAX_BREAK_S = 0.3  # no velocity is estimated across a longer gap

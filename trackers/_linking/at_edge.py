@@ -11,8 +11,8 @@ import numpy as np
 from trackers._detection.detection import Detection, EdgeObject, FrameDetections
 from trackers._detection.subpixel_centroid import Centre
 from trackers._frames.arrays import QUANTISATION_SD, Box
-from trackers._linking.frame_to_frame import Tracklet
 from trackers._linking.select_bodies import held_frames
+from trackers._tracklets.frame_to_frame import Tracklet
 
 TOUCHES = 1.5  # px of the search: an object that ends so near to the edge goes on beyond it
 LIKE_THE_BODY = 0.35  # of the diameter: how much wider or narrower its visible sides may be

@@ -10,8 +10,8 @@ import numpy as np
 from iris_sysid.types import FrameSource
 from trackers._detection.detect_frames import DetectionSetup, measure_rough
 from trackers._detection.detection import Detection, FrameDetections
-from trackers._linking.frame_to_frame import Linking, Tracklet
 from trackers._linking.select_bodies import CAUTIOUS_REACH, FIRST_REACH, MIN_DETECTIONS
+from trackers._tracklets.frame_to_frame import Linking, Tracklet
 
 # likely tracklets for each body, as a hand may go as far as the body; least worth of one more, over the last body's
 SPARE, MIN_WORTH = 2, 0.3

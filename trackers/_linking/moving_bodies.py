@@ -14,13 +14,13 @@ from trackers._detection.detect_frames import DetectionSetup, detection_setup, o
 from trackers._detection.detection import FrameDetections
 from trackers._frames.working_image import WorkingView, view_of
 from trackers._linking.at_edge import with_frames_at_edge
-from trackers._linking.frame_to_frame import Tracklet
 from trackers._linking.likely_bodies import LikelyBodies, all_measured
 from trackers._linking.refined_background import behind_resting_body, refined_setup
 from trackers._linking.select_bodies import link_bodies
 from trackers._linking.to_track import track_of
 from trackers._multi_body.given_masks import track_with_masks
 from trackers._multi_body.track_together import track_together
+from trackers._tracklets.frame_to_frame import Tracklet
 
 MAX_SEPARATE = 2  # bodies: more of them are followed all at once
 MAX_NEAR = 0.3  # share of its frames in which another path may be near a body

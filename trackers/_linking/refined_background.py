@@ -10,7 +10,7 @@ from trackers._detection.detect_frames import DetectionSetup
 from trackers._detection.detection import Detection
 from trackers._detection.foreground import WEAK_FLOOR, WEAK_SIGMAS, Blob, blobs
 from trackers._frames.arrays import Flags
-from trackers._linking.frame_to_frame import Tracklet
+from trackers._tracklets.frame_to_frame import Tracklet
 
 MAX_SHARE = 0.4  # of the samples: a body that covers a pixel in more of them may have become background
 ROUND_BODY = 1.1  # times the radius of the disc of the same area, for a disc; more for a long shape

@@ -11,7 +11,7 @@ import numpy as np
 
 from iris_sysid.errors import TrackingError
 from trackers._detection.detection import HAND_SHARE, Box, Detection, EdgeObject, FrameDetections
-from trackers._linking.frame_to_frame import Brightness, Tracklet, link
+from trackers._tracklets.frame_to_frame import Brightness, Tracklet, link
 
 FIRST_REACH = 0.25  # of the image's diagonal: how far a body may go between its first two detections
 CAUTIOUS_REACH = 0.03  # of the diagonal: how far from its prediction it may be among anything that moves

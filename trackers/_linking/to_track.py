@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from iris_sysid.types import Array, Track
 from trackers._detection.detection import Detection, FrameDetections
 from trackers._disc.impact_frames import impact_exposure_error
-from trackers._linking.frame_to_frame import Tracklet
 from trackers._linking.select_bodies import held_frames
+from trackers._tracklets.frame_to_frame import Tracklet
 from trackers._uncertainty.changed_area import area_outliers, shifted_by_area
 from trackers._uncertainty.changed_shape import changed_shape
 from trackers._uncertainty.error_correlation import is_moving, outline_autocorrelation, outline_scatter

@@ -15,11 +15,11 @@ from trackers._detection.detection import FrameDetections
 from trackers._detection.foreground import SQUARE
 from trackers._frames.arrays import Bytes
 from trackers._frames.working_image import WorkingView
-from trackers._linking.frame_to_frame import Tracklet
 from trackers._multi_body.appearance_classes import MIN_SAMPLES, AppearanceClass
 from trackers._multi_body.pixel_assignment import CoveredPixels
 from trackers._multi_body.predict_and_assign import FrameAssignment, follow_bodies
 from trackers._multi_body.track_together import measure_bodies
+from trackers._tracklets.frame_to_frame import Tracklet
 
 MAX_LABELS = 64  # in one mask: more are the grey levels of a lossy video
 MIN_AREA = 6  # px of a label in a frame, at the size of the search

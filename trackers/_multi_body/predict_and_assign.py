@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from iris_sysid.errors import TrackingError
 from iris_sysid.types import Array, Mask
-from trackers._linking.least_cost import least_cost_pairs
 from trackers._multi_body.appearance_classes import AppearanceClass
 from trackers._multi_body.motion_model import MotionStates
 from trackers._multi_body.pixel_assignment import ClassPixels, CoveredPixels, PixelAssignment
+from trackers._tracklets.least_cost import least_cost_pairs
 
 COMPLETE = 0.2  # of the area of all bodies of a class: largest difference where all are seen
 AT_EDGE = 0.05  # of the area of one body may lie at the edge where all are seen

@@ -18,10 +18,10 @@ from trackers._detection.subpixel_centroid import Centre
 from trackers._frames.ahead import ahead
 from trackers._frames.arrays import Bytes
 from trackers._frames.working_image import WorkingView
-from trackers._linking.frame_to_frame import Tracklet
 from trackers._multi_body.appearance_classes import HALF_COVERED, background_level, learn_classes
 from trackers._multi_body.pixel_assignment import CoveredPixels, covered_pixels
 from trackers._multi_body.predict_and_assign import FrameAssignment, follow_bodies
+from trackers._tracklets.frame_to_frame import Tracklet
 
 SEAM = 0.08  # radii: how well the line is known along which two touching bodies part, standard deviation
 ROUNDING = 0.5  # px, of the outline of a body, standard deviation

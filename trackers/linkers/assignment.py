@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from iris_sysid.errors import TrackingError
 from iris_sysid.types import Array, Detections, Linker, LinkOptions, Track
-from trackers._linking.least_cost import least_cost_pairs
+from trackers._tracklets.least_cost import least_cost_pairs
 
 DEFAULT_RANGE = 0.25  # of the diagonal: how far a body may be from its prediction, where no search range is given
 SPEED_CHANGE = 0.2  # of the distance that a body goes: standard deviation of where it is from where it is predicted

@@ -12,9 +12,9 @@ from trackers._detection.detect_frames import REPORT_EVERY, DetectionSetup, dete
 from trackers._detection.detection import Detection, FrameCandidates, FrameDetections
 from trackers._frames.ahead import ahead
 from trackers._frames.working_image import view_of
-from trackers._linking.frame_to_frame import Tracklet
-from trackers._linking.least_cost import least_cost_pairs
 from trackers._linking.to_track import track_of
+from trackers._tracklets.frame_to_frame import Tracklet
+from trackers._tracklets.least_cost import least_cost_pairs
 
 MIN_REACH_PX = 3.0  # a body is met within its radius, or this, px
 FAR = 1e6

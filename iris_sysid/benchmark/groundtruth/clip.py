@@ -21,7 +21,7 @@ from iris_sysid.io.csv_write import write_track, write_trajectory
 from iris_sysid.io.files import origin_of, sha256_of
 from iris_sysid.io.json_documents import checked, entries_of, plain_origin, read_document, write_document
 from iris_sysid.io.schemas.groundtruth import ClipDocument
-from iris_sysid.pipeline import accepted_settings, from_source, observe_and_fit, track
+from iris_sysid.pipeline.one_clip import accepted_settings, from_source, observe_and_fit, track
 from iris_sysid.registry import MODELS, PHENOMENA
 from iris_sysid.types import Calibration, Estimate, FitResult, Phenomenon, Track, TrackOptions, Trajectory, Transfer
 from iris_sysid.video.reader import open_video

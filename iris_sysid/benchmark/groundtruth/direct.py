@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from iris_sysid.benchmark.dataset import benchmark_classes
 from iris_sysid.benchmark.sources.published import truths
 from iris_sysid.calibration.board.board import Board
 from iris_sysid.errors import DataError
 from iris_sysid.io.json_documents import read_document
 from iris_sysid.io.schemas.groundtruth import ANY, BoardEntry, MeasuredDocument, MeasuredValue
+from iris_sysid.pipeline.clip_folders import benchmark_classes
 
 TEXT = "app:direct_measurement"  # where the publication says how it measured
 CALIPERS = 1e-5  # m: "resolution 0.01 mm"

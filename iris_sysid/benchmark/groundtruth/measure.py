@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from iris_sysid.benchmark.batch import Batch
 from iris_sysid.benchmark.dataset import BOARD, Clip, Listing, list_clips, places
 from iris_sysid.benchmark.groundtruth.boards import (
     NAME,
@@ -16,13 +15,14 @@ from iris_sysid.benchmark.groundtruth.boards import (
     scale_class,
 )
 from iris_sysid.benchmark.groundtruth.clip import KNOWN, ClipJob, measure_clip, record_failure
-from iris_sysid.benchmark.parallel import Workers, check_workers, run_parallel
 from iris_sysid.calibration.calibration_json import read_calibration
 from iris_sysid.calibration.pixel_scale import uncalibrated
 from iris_sysid.errors import DataError, IrisError, OutputError
 from iris_sysid.io.csv_read import read_track, read_trajectory
 from iris_sysid.io.json_documents import read_document
 from iris_sysid.io.schemas.groundtruth import ClipDocument, MeasuredDocument
+from iris_sysid.pipeline.batch import Batch
+from iris_sysid.pipeline.parallel import Workers, check_workers, run_parallel
 from iris_sysid.registry import PHENOMENA
 from iris_sysid.types import Calibration, Progress, Track, Trajectory, Transfer, with_progress
 

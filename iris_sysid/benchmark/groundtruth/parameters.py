@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from iris_sysid.benchmark.dataset import benchmark_classes
 from iris_sysid.benchmark.groundtruth.discrepancies import notes_on
 from iris_sysid.benchmark.groundtruth.measure import ClipMeasurement, Measurements
 from iris_sysid.benchmark.groundtruth.pool import in_published_unit, regenerate
@@ -21,6 +20,7 @@ from iris_sysid.io.schemas.groundtruth import (
     RegeneratedValue,
     ValueEntry,
 )
+from iris_sysid.pipeline.clip_folders import benchmark_classes
 from iris_sysid.registry import MODELS, PHENOMENA
 from iris_sysid.types import NORMAL_975, BenchmarkClass, Estimate
 

@@ -10,13 +10,14 @@ from pathlib import Path
 from typing import Any
 
 from fitters.ode import fit, simulate
-from iris_sysid.benchmark.dataset import Clip, benchmark_classes
+from iris_sysid.benchmark.dataset import Clip
 from iris_sysid.benchmark.groundtruth.measure import ClipMeasurement
 from iris_sysid.benchmark.sources.conversions import READINGS
 from iris_sysid.benchmark.sources.latent import NOT_ESTIMATED
 from iris_sysid.benchmark.sources.published import truth_of
 from iris_sysid.benchmark.sources.rows import FAILED, OK
 from iris_sysid.errors import DataError
+from iris_sysid.pipeline.clip_folders import benchmark_classes
 from iris_sysid.registry import MODELS, PHENOMENA
 from iris_sysid.types import Array, Estimate, FitResult, OdeModel, Trajectory
 

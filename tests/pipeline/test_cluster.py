@@ -15,15 +15,15 @@ from pathlib import Path
 
 import pytest
 
-from iris_sysid.benchmark import cluster
-from iris_sysid.benchmark.batch import Batch
 from iris_sysid.benchmark.groundtruth.measure import measure
-from iris_sysid.benchmark.parallel import run_parallel
 from iris_sysid.errors import DataError, IrisError
+from iris_sysid.pipeline import cluster
+from iris_sysid.pipeline.batch import Batch
+from iris_sysid.pipeline.parallel import run_parallel
 from tests._project import ROOT
-from tests.benchmark._jobs import minus_one, slow, squared
 from tests.cli.test_own_model import MINE, way
 from tests.conftest import listing
+from tests.pipeline._jobs import minus_one, slow, squared
 
 START_S = 30.0
 DASK = str(Path(sys.executable).parent / "dask")

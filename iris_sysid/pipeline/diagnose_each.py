@@ -10,13 +10,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from iris_sysid.benchmark.batch import Batch
-from iris_sysid.benchmark.parallel import Workers, check_workers, run_parallel
 from iris_sysid.errors import DataError, FitError, IrisError, OutputError
 from iris_sysid.io.files import check_folder, write_atomic
 from iris_sysid.io.formula_cells import guarded
 from iris_sysid.io.json_documents import plain_origin, read_document
 from iris_sysid.io.schemas import DiagnosisDocument
+from iris_sysid.pipeline.batch import Batch
+from iris_sysid.pipeline.parallel import Workers, check_workers, run_parallel
 from iris_sysid.report.diagnosis_files import FILES
 from iris_sysid.types import Effect, Estimate, OdeModel, Progress, Trajectory, with_progress
 

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from iris_sysid.benchmark.batch import Batch
-from iris_sysid.benchmark.parallel import JOBS_A_PROCESS, check_workers, run_parallel
 from iris_sysid.errors import DataError
+from iris_sysid.pipeline.batch import Batch
+from iris_sysid.pipeline.parallel import JOBS_A_PROCESS, check_workers, run_parallel
 from iris_sysid.video.sandbox import MAX_BYTES
-from tests.benchmark._jobs import crowded, minus_one, most_memory, noted_square, squared
+from tests.pipeline._jobs import crowded, minus_one, most_memory, noted_square, squared
 
 BATCH = Batch(Path(), squared, minus_one)
 

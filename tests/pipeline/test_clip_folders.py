@@ -6,9 +6,9 @@ import shutil
 import pandas as pd
 import pytest
 
-from iris_sysid.benchmark.clip_folders import is_dataset, tables_in
 from iris_sysid.errors import DataError
 from iris_sysid.io.csv_read import read_trajectory
+from iris_sysid.pipeline.clip_folders import is_dataset, tables_in
 
 
 @pytest.fixture

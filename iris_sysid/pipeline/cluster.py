@@ -18,9 +18,9 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from iris_sysid.benchmark.batch import Batch, Job, Outcome, limited, one_thread
 from iris_sysid.errors import DataError, IrisError
 from iris_sysid.io.files import origin_of
+from iris_sysid.pipeline.batch import Batch, Job, Outcome, limited, one_thread
 
 if TYPE_CHECKING:
     from distributed import Client, Future

@@ -8,8 +8,8 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 
-from iris_sysid.benchmark.batch import Batch, Job, Outcome, limited, one_thread
 from iris_sysid.errors import DataError
+from iris_sysid.pipeline.batch import Batch, Job, Outcome, limited, one_thread
 
 MAX_WORKERS = 256
 JOBS_A_PROCESS = 8  # what libraries keep of each job, up to 60 MB, goes with the process; a new one takes 2 s
@@ -37,10 +37,10 @@ def run_parallel(batch: Batch[Job, Outcome], jobs: Sequence[Job], workers: Worke
     workers
         Number of parallel processes; 0 runs all jobs in this one, which then ends with a job that crashes.
         Text is the address (``tcp://HOST:PORT``) or the file (``FILE.json``) of a dask scheduler; see
-        :mod:`iris_sysid.benchmark.cluster`.
+        :mod:`iris_sysid.pipeline.cluster`.
     """
     if isinstance(workers, str):
-        from iris_sysid.benchmark.cluster import on_cluster  # dask is an extra
+        from iris_sysid.pipeline.cluster import on_cluster  # dask is an extra
 
         yield from on_cluster(batch, jobs, workers)
     elif workers == 0:

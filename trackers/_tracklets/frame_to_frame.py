@@ -10,7 +10,7 @@ import numpy as np
 
 from iris_sysid.types import Array
 from trackers._detection.detection import Detection, FrameDetections
-from trackers._linking.least_cost import least_cost_pairs
+from trackers._tracklets.least_cost import least_cost_pairs
 
 SPEED_CHANGE = 0.8  # of the distance that the body goes in the time
 MAX_GAP = 5  # frames over which a tracklet is predicted
