@@ -207,13 +207,14 @@ def test_slow_misfit_is_not_taken_for_outliers():
     assert fit(bent, PENDULUM).used.all()
 
 
-def test_rough_fit_leaves_out_outliers_and_ends_near_the_minimum():
-    clip = changed(pendulum_clip(), np.array([400]), np.array([[0.02]]))
+@pytest.mark.parametrize(("outlier_rad", "used"), [(0.5, 899), (0.02, 900)])  # the second one stands out of no motion
+def test_rough_fit_leaves_out_what_stands_out_of_the_data_and_ends_near_the_minimum(outlier_rad, used):
+    clip = changed(pendulum_clip(), np.array([400]), np.array([[outlier_rad]]))
     near = {name: 1.001 * value for name, value in TRUTH.items()}
     rough, fine = (
         fit(clip, PENDULUM, start=near, options=FitOptions(local=True, rough=rough)) for rough in (True, False)
     )
-    assert (rough.n, fine.n) == (899, 899)
+    assert (rough.n, fine.n) == (used, 899)
     assert rough.estimates["length"].value == pytest.approx(fine.estimates["length"].value, rel=1e-3)
 
 
