@@ -18,18 +18,24 @@ R = TypeVar("R")
 def keeping_answers(function: Callable[P, R]) -> Callable[P, R]:
     """The function, which keeps its last KEPT answers; they belong to all callers, who must not change them.
 
-    Its arguments are arrays, compared by their bytes, and numbers, all by position. A search fits hundreds of models to
-    one record, whose noise, outliers and windows are the same for all of them.
+    Its arguments are numbers, and arrays compared by their bytes. A search fits hundreds of models to a record, whose
+    noise, outliers and windows are the same for all of them.
     """
-    answers: OrderedDict[Hashable, R] = OrderedDict()
+    answers: OrderedDict[Hashable, tuple[R]] = OrderedDict()
 
     @wraps(function)
     def kept(*args: P.args, **kwargs: P.kwargs) -> R:
-        key = tuple((each.shape, each.tobytes()) if isinstance(each, np.ndarray) else each for each in args)
-        found = answers.pop(key) if key in answers else function(*args, **kwargs)
-        answers[key] = found
+        given = (*enumerate(args), *kwargs.items())
+        key = tuple((name, _identity(each)) for name, each in given)
+        answer = answers.pop(key, None)
+        answers[key] = answer = answer or (function(*args, **kwargs),)
         while len(answers) > KEPT:
             answers.popitem(last=False)
-        return found
+        return answer[0]
 
     return kept
+
+
+def _identity(value: object) -> object:
+    """What is the same for equal arrays or numbers."""
+    return (value.shape, value.dtype.str, value.tobytes()) if isinstance(value, np.ndarray) else value

@@ -20,7 +20,9 @@ def test_an_array_of_the_same_numbers_has_the_same_answer_and_a_changed_one_its_
     values[0] = 1.0
     assert total(values, 2.0) == 14.0
     assert total(values.reshape(2, 2), 3.0) == 21.0
-    assert len(asked) == 3
+    assert total(values, factor=5.0) == 35.0
+    assert total(values, factor=6.0) == 42.0
+    assert len(asked) == 5
 
 
 def test_only_the_last_answers_are_kept(monkeypatch):
