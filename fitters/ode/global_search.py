@@ -47,10 +47,11 @@ def grow(
     stop = max(first_horizon(target, unknowns.which.size), reach(problem, target, values))
     while True:
         part = thinned(problem.first(stop), target.first(stop))
-        solution = minimise(*part, unknowns, values, accuracy=ROUGH, gradients=gradients)
+        rough = max(accuracy, ROUGH)
+        solution = minimise(*part, unknowns, values, accuracy=rough, gradients=gradients)
         values, gradients = solution.values, solution.gradients
         if stop == n:
-            last = accuracy if explains(solution, part[1]) else max(accuracy, ROUGH)
+            last = accuracy if explains(solution, part[1]) else rough
             steps = solution.steps
             return minimise(problem, target, unknowns, values, accuracy=last, steps=steps, gradients=gradients)
         stop = next_horizon(problem, target, values, stop)

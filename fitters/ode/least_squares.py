@@ -1,6 +1,6 @@
 """Least squares on the trajectory: the residual, its Jacobian, and the minimisers with bounds.
 
-The final fit is by SciPy's trust region. What only compares models, and begins farther away, follows curved valleys.
+Fits are by SciPy's trust region. Those that only compare models, of which some lack an effect, follow curved valleys.
 """
 
 from __future__ import annotations
@@ -43,9 +43,15 @@ class Accuracy(NamedTuple):
         """Whether it is that of a final fit."""
         return self.tolerance <= FINE.tolerance
 
+    @property
+    def compares(self) -> bool:
+        """Whether it is that of a fit to compare models."""
+        return self.tolerance >= COMPARING.tolerance
+
 
 FINE = Accuracy(1e-8, 1e-8, 200)
-ROUGH = Accuracy(1e-4, 1e-6, 120)  # to compare models: the blocks of a record differ by more
+ROUGH = Accuracy(1e-7, 1e-8, 40)  # of the horizons before a final fit
+COMPARING = Accuracy(1e-4, 1e-6, 120)  # to compare models: the blocks of a record differ by more
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -268,7 +274,7 @@ def _minimised(objective: _Objective, loss: Loss, accuracy: Accuracy) -> LeastSq
     start = objective.start[objective.unknowns.which]
     asked = objective.residual, objective.jacobian
     with np.errstate(all="ignore"):
-        if loss == "linear" and not accuracy.fine:
+        if loss == "linear" and accuracy.compares:
             return accelerated_least_squares(*asked, start, bounds, accuracy.tolerance, accuracy.evaluations)
         try:
             found = least_squares(

@@ -23,6 +23,7 @@ from fitters.ode.gradient_matching import matched_starts
 from fitters.ode.intervals import Found, Method, checked_methods, disagreements, intervals_by
 from fitters.ode.known_inputs import gaps_of_inputs
 from fitters.ode.least_squares import (
+    COMPARING,
     FINE,
     ROUGH,
     Accuracy,
@@ -271,9 +272,13 @@ def _accuracy(options: FitOptions, samples: int) -> Accuracy:
     """With what a fit ends; a local one is abandoned earlier where there are many samples."""
     if not options.local:
         return FINE
-    if options.rough and options.loss == "linear":
-        return ROUGH
+    if _is_rough(options):
+        return COMPARING
     return FINE._replace(evaluations=min(max(PATIENCE[0] // samples, PATIENCE[1]), FINE.evaluations))
+
+
+def _is_rough(options: FitOptions) -> bool:
+    return options.rough and options.local and options.loss == "linear"
 
 
 def _check_finite(request: FitRequest, task: PreparedFit, solution: Solution) -> None:
@@ -284,9 +289,10 @@ def _check_finite(request: FitRequest, task: PreparedFit, solution: Solution) ->
 def _downhill(task: PreparedFit, request: FitRequest) -> Solution:
     """Fit all samples from the start given alone; the first of them first, if asked for."""
     values = next(starting_values(task, request.start, guesses(task, request.start)))
+    accuracy = COMPARING if _is_rough(request.options) else ROUGH
     if request.options.growing:
-        return grow(task.problem, task.target, task.unknowns, values, ROUGH)
-    return minimise(task.problem, task.target, task.unknowns, values, accuracy=ROUGH)
+        return grow(task.problem, task.target, task.unknowns, values, accuracy)
+    return minimise(task.problem, task.target, task.unknowns, values, accuracy=accuracy)
 
 
 def _starts(task: PreparedFit, start: Mapping[str, float], multistart: int) -> Iterator[tuple[Array, bool]]:
