@@ -1,6 +1,6 @@
 """Least squares on the trajectory: the residual, its Jacobian, and the minimisers with bounds.
 
-Fits are by SciPy's trust region. Those that only compare models, of which some lack an effect, follow curved valleys.
+Fits are by SciPy's trust region. Those that only compare models follow curved valleys, where models lack an effect.
 """
 
 from __future__ import annotations

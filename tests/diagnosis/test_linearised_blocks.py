@@ -20,7 +20,7 @@ def test_errors_and_values_are_those_of_fits_without_each_block():
     assert linear.rms == pytest.approx(fitted.rms, rel=0.01)
     drags = [errors.values[0]["quadratic_drag"] for errors in (linear, fitted)]
     # a fit of blocks ends within 1e-4 of its least squares
-    np.testing.assert_allclose(drags[0], drags[1], atol=0.03 * np.ptp(drags[1]))
+    np.testing.assert_allclose(drags[0], drags[1], atol=0.05 * np.ptp(drags[1]))
 
 
 def test_error_without_the_drag_is_that_of_fits_where_it_is_far_above_the_noise():
