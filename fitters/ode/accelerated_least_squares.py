@@ -36,12 +36,15 @@ class LeastSquaresEnd:
 class _Quadratic:
     """The sum of squares about values ``x`` (k,); those that ``moving`` (k,) marks are changed.
 
-    ``residual`` (r,) there and its derivatives ``slopes`` (r, m) by the moving values in units of ``size`` (k,).
+    ``residual`` (r,) there and its derivatives ``slopes`` (r, m) by the moving values in units of ``size`` (k,); their
+    products with themselves ``square`` (m, m) and with the residual ``gradient`` (m,).
     """
 
     x: Array
     residual: Array
     slopes: Array
+    square: Array
+    gradient: Array
     moving: Mask
     size: Array
     bounds: tuple[Array, Array]
@@ -49,15 +52,15 @@ class _Quadratic:
     @classmethod
     def about(cls, x: Array, residual: Array, jacobian: Array, size: Array, bounds: tuple[Array, Array]) -> _Quadratic:
         """Values at a bound, behind which the sum of squares falls, do not move."""
-        gradient = jacobian.T @ residual
-        moving = ~(((x <= bounds[0]) & (gradient > 0)) | ((x >= bounds[1]) & (gradient < 0)))
-        return cls(x, residual, (jacobian / size)[:, moving], moving, size, bounds)
+        uphill = jacobian.T @ residual
+        moving = ~(((x <= bounds[0]) & (uphill > 0)) | ((x >= bounds[1]) & (uphill < 0)))
+        slopes = (jacobian / size)[:, moving]
+        return cls(x, residual, slopes, slopes.T @ slopes, slopes.T @ residual, moving, size, bounds)
 
     def tried(self, damping: float, residual: Callable[[Array], Array]) -> tuple[Array | None, float]:
         """The values (k,) to try next, None where the step bends too much, and the fall expected of a straight step."""
-        square = self.slopes.T @ self.slopes
-        factor = cho_factor(square + damping * np.eye(len(square)))
-        straight = -cho_solve(factor, self.slopes.T @ self.residual)
+        factor = cho_factor(self.square + damping * np.eye(len(self.square)))
+        straight = -cho_solve(factor, self.gradient)
         linear = self.slopes @ straight
         expected = float(self.residual @ self.residual - np.sum((self.residual + linear) ** 2))
         probed = residual(self._moved(PROBE * straight))
@@ -121,10 +124,10 @@ def accelerated_least_squares(
         if damping > DAMPING[2] or not about.moving.any():
             return LeastSquaresEnd(x, now, True, "no step lowers the sum of squares")
         trial, expected = about.tried(damping, residual)
-        found = None if trial is None else residual(trial)
-        count += 1 if found is None else 2
-        after = np.inf if found is None else float(found @ found)
-        if trial is None or found is None or not after < cost:
+        found = now if trial is None else residual(trial)
+        count += 1 if trial is None else 2
+        after = float(found @ found)
+        if trial is None or not after < cost:
             damping, growth = damping * growth, growth * 2
             continue
         fall, gain = cost - after, (cost - after) / max(expected, cost - after)

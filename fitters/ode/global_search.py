@@ -43,11 +43,11 @@ def grow(
     """
     n = problem.t_s.size
     values = unknowns.inside(values)
+    rough = max(accuracy, ROUGH)
     gradients: tuple[float, ...] = ()
     stop = max(first_horizon(target, unknowns.which.size), reach(problem, target, values))
     while True:
         part = thinned(problem.first(stop), target.first(stop))
-        rough = max(accuracy, ROUGH)
         solution = minimise(*part, unknowns, values, accuracy=rough, gradients=gradients)
         values, gradients = solution.values, solution.gradients
         if stop == n:

@@ -272,10 +272,11 @@ def _minimised(objective: _Objective, loss: Loss, accuracy: Accuracy) -> LeastSq
     """Where the minimisation ends; at the start where derivatives are far beyond SciPy's numbers."""
     bounds = objective.unknowns.lower, objective.unknowns.upper
     start = objective.start[objective.unknowns.which]
-    asked = objective.residual, objective.jacobian
     with np.errstate(all="ignore"):
         if loss == "linear" and accuracy.compares:
-            return accelerated_least_squares(*asked, start, bounds, accuracy.tolerance, accuracy.evaluations)
+            return accelerated_least_squares(
+                objective.residual, objective.jacobian, start, bounds, accuracy.tolerance, accuracy.evaluations
+            )
         try:
             found = least_squares(
                 objective.residual,
