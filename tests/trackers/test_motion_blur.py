@@ -26,7 +26,7 @@ def drawn(way, where=(50.3, 48.8), shape="disc", seed=0):
     image = cv2.resize(shown, (SIZE, SIZE), interpolation=cv2.INTER_AREA) + NOISE * rng.standard_normal((SIZE, SIZE))
     background = cv2.resize(wall, (SIZE, SIZE), interpolation=cv2.INTER_AREA)
     core = (np.abs(image - background) > 40).astype(np.uint8)
-    planes = [plane.astype(np.float32)[..., np.newaxis] for plane in (image, background, np.full_like(image, NOISE))]
+    planes = [plane.astype(np.float32)[np.newaxis] for plane in (image, background, np.full_like(image, NOISE))]
     return Window(*planes, core, np.zeros_like(core))
 
 
@@ -61,7 +61,7 @@ def test_sharp_body_and_body_that_is_no_disc_keep_the_centre_of_their_outline(wa
 def test_cord_on_a_streak_does_not_move_it():
     window = drawn((20.0, 0.0))
     image = window.image.copy()
-    image[:30, 48:53] -= 25.0
+    image[:, :30, 48:53] -= 25.0
     with_cord = Window(image, window.background, window.noise, window.mask, window.other)
     centre = streak_centre(with_cord, coverage_centre(with_cord))
     assert np.hypot(centre.x - 50.3, centre.y - 48.8) < 0.1
@@ -74,7 +74,7 @@ def test_soft_glow_wider_than_its_core_is_no_swept_disc():
     glow = 80.0 * np.exp(-(((x - 50) / 80) ** 2) - ((y - 50) / 45) ** 2)
     core = (glow > 60).astype(np.uint8)
     image = wall + glow + NOISE * rng.standard_normal(glow.shape)
-    planes = [plane.astype(np.float32)[..., np.newaxis] for plane in (image, wall, np.full_like(wall, NOISE))]
+    planes = [plane.astype(np.float32)[np.newaxis] for plane in (image, wall, np.full_like(wall, NOISE))]
     window = Window(*planes, core, np.zeros_like(core))
     outline = coverage_centre(window)
     assert streak_centre(window, outline) is outline

@@ -8,13 +8,15 @@ from scipy.ndimage import distance_transform_edt
 
 from iris_sysid.types import Frame
 from trackers._background.median import BackgroundEstimate
-from trackers._detection.blob_kernels import BLOB_SHARE, INSCRIBED, MIN_INSCRIBED, cut_at, peak_of
 from trackers._detection.coded_planes import plane_limits_of
 from trackers._detection.connected import connected_parts, filled_round
+from trackers._detection.cut_components import BLOB_SHARE, INSCRIBED, MIN_INSCRIBED, cut_at, peak_of
 from trackers._detection.depth import depth_of
-from trackers._detection.foreground import MIN_SUPPORT, SQUARE, background_range_of, components
-from trackers._detection.small_images import blurred, chamfer, dilated, gaussian, opened, quantile, shrunk, stretched
-from trackers._detection.window_kernels import looks_of, moments_of_difference, paste
+from trackers._detection.detection import pasted
+from trackers._detection.foreground import MIN_SUPPORT, SQUARE, Blob, background_range_of, components
+from trackers._detection.image_operations import blurred, quantile, rough_depth
+from trackers._detection.shading import MIN_A_TERM, shading
+from trackers._detection.window_setup import looks_of, moments_of_difference, seen_roughly
 from trackers._frames.working_image import WorkingView
 
 
@@ -36,41 +38,19 @@ def test_depth_of_a_full_mask_is_that_to_its_sides():
     assert depth_of(np.ones((5, 9), np.uint8)).max() == 3
 
 
-@pytest.mark.parametrize("shape", [(1, 1), (2, 9), (41, 30), (83, 80)])
-def test_masks_grow_and_their_depths_are_those_of_opencv(shape):
+@pytest.mark.parametrize("outside", [True, False])
+def test_rough_depth_is_within_two_percent(outside):
     for seed in range(5):
-        mask = blotches(seed, shape)
-        for by in (1, 2, 4):
-            assert np.array_equal(dilated(mask, by), cv2.dilate(mask, np.ones((2 * by + 1, 2 * by + 1), np.uint8)))
-        assert np.array_equal(opened(mask), cv2.morphologyEx(mask, cv2.MORPH_OPEN, SQUARE))
-        known = cv2.distanceTransform(np.pad(mask, 1), cv2.DIST_L2, cv2.DIST_MASK_5)[1:-1, 1:-1]
-        assert chamfer(mask, True) == pytest.approx(known, abs=1e-4)
-        mask[0, 0] = 0
-        known = cv2.distanceTransform(mask, cv2.DIST_L2, cv2.DIST_MASK_5)
-        assert chamfer(mask, False) == pytest.approx(known, abs=1e-4)
-
-
-@pytest.mark.parametrize("channels", [1, 2, 4])
-@pytest.mark.parametrize("shape", [(3, 7), (40, 61)])
-def test_images_are_blurred_and_resized_as_by_opencv(shape, channels):
-    image = np.random.default_rng(channels).normal(100, 30, (*shape, channels)).astype(np.float32)
-    for across, down in [(1.5, 1.5), (2.7, 4.0), (0.4, 1.0)]:
-        known = cv2.GaussianBlur(image, (0, 0), across, sigmaY=down).reshape(image.shape)
-        assert gaussian(image, across, down) == pytest.approx(known, abs=1e-3)
-    for factor in (2, 3):
-        rows, columns = (-(-size // factor) for size in shape)
-        small = cv2.resize(image, (columns, rows), interpolation=cv2.INTER_AREA).reshape(rows, columns, channels)
-        assert shrunk(image, rows, columns) == pytest.approx(small, abs=1e-3)
-        large = cv2.resize(small, shape[::-1], interpolation=cv2.INTER_LINEAR).reshape(image.shape)
-        assert stretched(np.ascontiguousarray(small), *shape) == pytest.approx(large, abs=1e-3)
+        mask = blotches(seed, (41, 30))
+        assert rough_depth(mask, outside=outside) == pytest.approx(depth_of(mask, outside=outside), rel=0.025)
 
 
 def test_a_wide_blur_at_a_reduced_size_is_that_of_the_whole_image_of_something_wide():
     rows, columns = np.indices((90, 80))
-    hill = np.exp(-((rows - 40) ** 2 + (columns - 45) ** 2) / (2 * 7.0**2))[..., np.newaxis].astype(np.float32)
+    hill = np.exp(-((rows - 40) ** 2 + (columns - 45) ** 2) / (2 * 7.0**2)).astype(np.float32)
     for sigma in (2.0, 7.0, 10.0):
         known = cv2.GaussianBlur(hill, (0, 0), sigma)
-        assert blurred(hill, sigma)[..., 0] == pytest.approx(known, abs=0.01)
+        assert blurred(hill, sigma) == pytest.approx(known, abs=0.01)
 
 
 @pytest.mark.parametrize("count", [1, 2, 9, 100])
@@ -220,16 +200,16 @@ def test_looks_and_moments_of_a_body_are_those_of_numpy_and_opencv(channels):
     rng = np.random.default_rng(channels)
     mask = cv2.ellipse(np.zeros((40, 50), np.uint8), (22, 19), (12, 7), 30, 0, 360, 1, -1)
     planes = [
-        rng.uniform(low, high, (40, 50, channels)).astype(np.float32) for low, high in [(0, 255), (90, 99), (1, 2)]
+        rng.uniform(low, high, (channels, 40, 50)).astype(np.float32) for low, high in [(0, 255), (90, 99), (1, 2)]
     ]
     other = np.zeros_like(mask)
     other[10:30, 30:] = 1
-    difference = np.abs(planes[0] - planes[1]).max(axis=-1)
+    difference = np.abs(planes[0] - planes[1]).max(axis=0)
     brightening, sharpness = looks_of(tuple(planes), mask)
     slopes = np.hypot(*(cv2.Sobel(difference, cv2.CV_32F, *along, scale=1 / 8) for along in ((1, 0), (0, 1))))
     assert sharpness == pytest.approx(np.percentile(slopes[cv2.dilate(mask, SQUARE) > 0], 90), rel=1e-5)
-    assert brightening == pytest.approx((planes[0] - planes[1])[..., 0][mask > 0].mean(), rel=1e-5)
-    level = np.abs((planes[0] - planes[1]) / planes[2]).max(axis=-1)
+    assert brightening == pytest.approx((planes[0] - planes[1])[0][mask > 0].mean(), rel=1e-5)
+    level = np.abs((planes[0] - planes[1]) / planes[2]).max(axis=0)
     near = (cv2.dilate(mask, np.ones((7, 7), np.uint8)) > 0) & (other == 0)
     places, weight = np.argwhere(near).T[::-1], np.minimum(level[near] / np.median(level[mask > 0]), 1.0)
     (xx, xy), (_, yy) = np.cov(places, aweights=weight)
@@ -242,7 +222,40 @@ def test_a_mask_of_larger_pixels_is_pasted_where_it_covers_a_window(corner):
     mask, finer = blotches(3, (9, 11)), 3
     whole = np.zeros((60, 70), np.uint8)
     whole[5 * finer : 14 * finer, 4 * finer : 15 * finer] = np.kron(mask, np.ones((finer, finer), np.uint8))
-    into = np.zeros((25, 30), np.uint8)
-    paste(into, *corner, mask, 4, 5, finer)
+    blob = Blob(mask, 4, 5, 1.0, at_edge=False, held=False)
+    into = pasted([blob], (corner[1], corner[1] + 25, corner[0], corner[0] + 30), finer)
     assert np.array_equal(into, whole[corner[1] :, corner[0] :][:25, :30])
     assert into.any()
+
+
+def test_rough_look_is_that_of_the_pixels_of_a_mask():
+    rows, columns = np.indices((20, 30)).astype(np.float32)
+    mask = cv2.circle(np.zeros((20, 30), np.uint8), (14, 9), 6, 1, -1)
+    image, background = np.array([100 + 3 * columns + 4 * rows]), np.full((1, 20, 30), 90, np.float32)
+    area, x, y, contrast, brightening, intensity, steepness = seen_roughly(image, background, mask)
+    assert (area, x, y) == (np.count_nonzero(mask), 14, 9)
+    assert contrast == brightening == pytest.approx(intensity - 90) == pytest.approx(100 + 3 * 14 + 4 * 9 - 90)
+    assert steepness == pytest.approx(5)
+
+
+@pytest.mark.parametrize(("slope", "curvature", "follows"), [(0.0, 0.0, 0), (2.0, 0.0, 1), (2.0, 0.15, 2)])
+def test_shading_is_a_polynomial_of_the_degree_that_fits_the_pixels_inside(slope, curvature, follows):
+    rng = np.random.default_rng(0)
+    rows, columns = np.indices((60, 60)).astype(np.float32)
+    inside = np.hypot(rows - 28, columns - 31) < 20
+    assert np.count_nonzero(inside) > 6 * MIN_A_TERM
+    known = 120 + slope * (columns - 31) + curvature * (rows - 28) ** 2
+    image = np.where(inside, known + rng.normal(0, 1, known.shape), 0)[np.newaxis].astype(np.float32)
+    shade = shading(image, depth_of(inside), np.ones_like(inside))[0]
+    assert np.abs(shade - known)[inside].max() < 1.5
+    outside = shade[28, 31 + 24]  # continued, within the levels of the pixels inside
+    assert outside == pytest.approx(min(120 + slope * 24, image[0][inside].max()), abs=1.5)
+    assert (np.abs(shade[inside] - shade[28, 31]).max() > 1) == (follows > 0)
+
+
+def test_shading_of_a_few_pixels_is_their_mean():
+    image = np.arange(100, dtype=np.float32).reshape(1, 10, 10)
+    inside = np.zeros((10, 10), bool)
+    inside[4:6, 4:6] = True
+    assert shading(image, depth_of(inside), np.ones((10, 10), bool)) == pytest.approx(image[0][inside].mean())
+    assert not shading(image, np.zeros((10, 10), np.float32), np.zeros((10, 10), bool)).any()

@@ -13,7 +13,6 @@ import numpy as np
 from trackers._background.median import BackgroundEstimate
 from trackers._detection.foreground import SQUARE, BackgroundRange, any_channel, background_range_of, most_of_channels
 from trackers._detection.strong_windows import grown
-from trackers._detection.subpixel_centroid import largest
 from trackers._frames.ahead import ahead
 from trackers._frames.arrays import Bytes, Flags, Image
 
@@ -125,7 +124,7 @@ def _edges(image: Image) -> Image:
     """
     slopes = (cv2.Sobel(image, cv2.CV_32F, *along, scale=1 / 8) for along in ((1, 0), (0, 1)))
     strength = np.hypot(*slopes)
-    return np.asarray(strength if strength.ndim == 2 else largest(strength), dtype=np.float32)
+    return np.asarray(strength if strength.ndim == 2 else np.maximum.reduce(cv2.split(strength)), dtype=np.float32)
 
 
 def _holes(level: Bytes, edges: Image, edges_now: Image) -> Flags:

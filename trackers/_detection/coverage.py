@@ -1,26 +1,15 @@
-"""Coverage of the pixels of a window by the body in it, and what its outline shows (numba: one call a body)."""
+"""Coverage of the pixels of a window by the body in it, and what its outline shows."""
 
-# mypy: disallow-untyped-decorators=False
 from __future__ import annotations
 
 import numpy as np
 
-from iris_sysid.io.kernels import kernel
-from trackers._detection.coverage_kernels import (
-    Planes,
-    beyond_shade,
-    levelled,
-    liveliness,
-    off_background,
-    own_brightness,
-    shares,
-    texture_variance,
-)
-from trackers._detection.depth import exact_depth
+from trackers._detection.coverage_kernels import MIN_WEIGHT, Planes, beyond_shade, own_brightness, shares
+from trackers._detection.depth import depth_of
+from trackers._detection.image_operations import blurred, dilated
 from trackers._detection.outline import outline
 from trackers._detection.shading import shading
-from trackers._detection.small_images import blurred, dilated
-from trackers._frames.arrays import Bytes, Flags, Image
+from trackers._frames.arrays import MAD_TO_SD, Bytes, Flags, Image
 
 SHARP, REFINED = 1.5, 2  # px: an outline whose half width exceeds this is found again; number of repetitions
 CLEAR = 1.5  # half widths of a streak's outline: pixels deeper than this show the body alone
@@ -35,14 +24,13 @@ AXES = 4  # directions in which an outline may be wide
 NEAR = 2  # px about a mask, right to two pixels, in which the body may be
 
 
-@kernel(nogil=True)
 def coverage(planes: Planes, mask: Bytes, other: Bytes, inflation: float, refined: bool) -> tuple[Image, Image]:
     """Share (h, w) of each pixel that a body covers, 1 or 0 off its outline, and its variance; see ``coverage_centre``.
 
     Parameters
     ----------
     planes
-        Frame, background and noise (h, w, channels), grey levels.
+        Frame, background and noise (channels, h, w), grey levels.
     mask, other
         1 where the body is (h, w), right to about two pixels, and where something else is.
     inflation
@@ -50,31 +38,33 @@ def coverage(planes: Planes, mask: Bytes, other: Bytes, inflation: float, refine
     refined
         Whether outline and background are estimated again from the first result.
     """
-    depth = exact_depth(mask, False)
+    depth = depth_of(mask, outside=False)
     deepest = float(depth.max())
-    near, heart = _without(dilated(mask, NEAR), other), _above(depth, 0.5 * deepest)
+    near, heart = dilated(mask, NEAR) > other, depth > 0.5 * deepest
     persistence, rim = max(1.5, deepest / 2), min(RIM_PX, RIM_SHARE * deepest)
     share, variance, distance, half_width, axes = _first_look(planes, mask, near, depth, rim)
     is_blurred = half_width.max() > SHARP
     for _ in range((REFINED if is_blurred and axes == 1 else 1) if refined else 0):
-        level = _with_level_outside(planes, share, _plus(distance, half_width, 1.0), other)
-        clear = _clear(distance, half_width, 1.0 if axes == 1 else CLEAR)
+        levelled = _with_level_outside(planes, share, distance + half_width, other)
+        own_depth = OWN_DEPTH * distance.max()  # at most
+        clear = distance - np.minimum(half_width * (1.0 if axes == 1 else CLEAR), own_depth)
         if distance.max() < MIN_DEPTH * deepest:  # a notch, as in a small ball both darker and brighter
-            clear = _larger(clear, _less(depth, rim))
-        share, variance = _share((planes[0], level, planes[2]), mask, near, clear, persistence)
+            clear = np.maximum(clear, depth - rim)
+        share, variance = _share(levelled, mask, near, clear, persistence)
         if is_blurred:
             distance, half_width = outline(share, heart, axes)
-    lively = np.float32(liveliness(share, variance, _plus(distance, half_width, 1.0), MIN_OUTSIDE))
-    for y in range(variance.shape[0]):
-        for x in range(variance.shape[1]):
-            variance[y, x] *= lively
-    texture = texture_variance(share, variance, _plus(distance, half_width, -1.0), OUTLINE_DEPTH) * persistence
-    return _at_outline(share, variance, distance, half_width, inflation, texture)
+    variance *= _liveliness(share, variance, distance + half_width < 0)
+    within = distance - half_width
+    rim_shown = (within > 0) & (within < OUTLINE_DEPTH)
+    texture = max(0.0, float(((share - 1) ** 2 - variance)[rim_shown].sum()) / max(int(np.count_nonzero(rim_shown)), 1))
+    at_outline = np.abs(distance) <= half_width
+    settled = np.where(at_outline, share, distance > 0).astype(np.float32)
+    sure = np.where(at_outline, inflation * variance + texture * persistence * share**2, 0).astype(np.float32)
+    return settled, sure
 
 
-@kernel(nogil=True)
 def _first_look(
-    planes: Planes, mask: Bytes, near: Bytes, depth: Image, rim: float
+    planes: Planes, mask: Bytes, near: Flags, depth: Image, rim: float
 ) -> tuple[Image, Image, Image, Image, int]:
     """Coverage and its variance, distance to the outline, half its width, and in how many directions that is found.
 
@@ -82,120 +72,53 @@ def _first_look(
     streak is as thick then; a body whose rim is of another brightness is not, and stays as it is by its rim.
     """
     deepest = float(depth.max())
-    heart, persistence = _above(depth, 0.5 * deepest), max(1.5, deepest / 2)
-    share, variance = _share(planes, mask, near, _less(depth, rim), persistence)
+    heart, persistence = depth > 0.5 * deepest, max(1.5, deepest / 2)
+    share, variance = _share(planes, mask, near, depth - np.float32(rim), persistence)
     distance, half_width = outline(share, heart, 1)
     if half_width.max() >= SHARP:
-        by_depth, its_variance = _share(planes, mask, near, _less(depth, OWN_DEPTH * deepest), persistence)
+        by_depth, its_variance = _share(planes, mask, near, depth - np.float32(OWN_DEPTH * deepest), persistence)
         inner, reach = outline(by_depth, heart, AXES)
         if inner.max() > MIN_THICKNESS * distance.max():
             return by_depth, its_variance, inner, reach, AXES
     return share, variance, distance, half_width, 1
 
 
-@kernel(nogil=True)
-def _share(planes: Planes, mask: Bytes, near: Bytes, depth: Image, blur: float) -> tuple[Image, Image]:
+def _share(planes: Planes, mask: Bytes, near: Flags, depth: Image, blur: float) -> tuple[Image, Image]:
     """Share (h, w) of each pixel that the body covers, and its variance; by the mask where brightness leaves it open.
 
     The body's own brightness, and the strength of its difference in units of noise, are continued outwards from where
     ``depth`` (h, w), px, is above 0: a pixel is of the body alone. A polynomial follows its shading; the
     residual is replaced by its mean over the near pixels.
     """
-    height, width = mask.shape
+    weight = np.clip(depth, 0, 1)
     shade = shading(planes[0], depth, near)
-    soft = blurred(beyond_shade(planes[0], shade, depth), blur)
-    own, strength, missed = own_brightness(planes, shade, soft, depth, near)
-    spread = blurred(missed.reshape((height, width, 1)), blur)
-    for y in range(height):
-        for x in range(width):
-            strength[y, x] += spread[y, x, 0] / max(soft[y, x, -1], np.float32(1e-6))
-    return shares(planes, own, strength, mask, near)
+    soft = np.array([blurred(each, blur) for each in (*beyond_shade(planes[0], shade, weight), weight)])
+    own, strength, missed = own_brightness(planes, shade, soft, weight, near)
+    strength += blurred(missed, blur) / np.maximum(soft[-1], MIN_WEIGHT)
+    share, variance = shares(planes, own, strength, mask, near)
+    return share, variance
 
 
-@kernel(nogil=True)
-def _with_level_outside(planes: Planes, share: Image, beyond: Image, other: Bytes) -> Image:
+def _with_level_outside(planes: Planes, share: Image, beyond: Image, other: Bytes) -> Planes:
     """The background as it is about the body now, e.g. in a soft shadow, continued inwards.
 
     ``beyond`` is negative outside of the outline; a cord that covers much of a pixel there does not count.
     """
-    free = np.zeros(share.shape, dtype=np.uint8)
-    for y in range(share.shape[0]):
-        for x in range(share.shape[1]):
-            free[y, x] = -OUTSKIRTS < beyond[y, x] < 0 and abs(share[y, x]) < FAINT and other[y, x] == 0
-    soft = blurred(off_background(planes[0], planes[1], free), OUTSKIRTS)
-    return levelled(planes[1], soft, MIN_FREE)
+    image, background, noise = planes
+    free = (beyond > -OUTSKIRTS) & (beyond < 0) & (np.abs(share) < FAINT) & (other == 0)
+    weight = free.astype(np.float32)
+    soft = np.maximum(blurred(weight, OUTSKIRTS), np.float32(MIN_FREE))
+    off = (image - background) * weight
+    return image, background + np.stack([blurred(each, OUTSKIRTS) / soft for each in off]), noise
 
 
-@kernel(nogil=True)
-def _clear(distance: Image, half_width: Image, times: float) -> Image:
-    """Depth of each pixel, px, less ``times`` the half width of the outline, but at most less a share of the depth."""
-    deepest, clear = np.float32(OWN_DEPTH) * distance.max(), np.empty_like(distance)
-    for y in range(distance.shape[0]):
-        for x in range(distance.shape[1]):
-            clear[y, x] = distance[y, x] - min(half_width[y, x] * np.float32(times), deepest)
-    return clear
+def _liveliness(share: Image, variance: Image, outside: Flags) -> np.float32:
+    """Variance of the coverage just ``outside`` of the band, where it should be 0, over that expected; at least 1.
 
-
-# loops, because numba takes seconds to compile each expression of whole images
-
-
-@kernel(nogil=True)
-def _less(image: Image, by: float) -> Image:
-    less = np.empty_like(image)
-    for y in range(image.shape[0]):
-        for x in range(image.shape[1]):
-            less[y, x] = image[y, x] - np.float32(by)
-    return less
-
-
-@kernel(nogil=True)
-def _plus(image: Image, other: Image, times: float) -> Image:
-    plus = np.empty_like(image)
-    for y in range(image.shape[0]):
-        for x in range(image.shape[1]):
-            plus[y, x] = image[y, x] + np.float32(times) * other[y, x]
-    return plus
-
-
-@kernel(nogil=True)
-def _larger(image: Image, other: Image) -> Image:
-    larger = np.empty_like(image)
-    for y in range(image.shape[0]):
-        for x in range(image.shape[1]):
-            larger[y, x] = max(image[y, x], other[y, x])
-    return larger
-
-
-@kernel(nogil=True)
-def _above(image: Image, level: float) -> Flags:
-    above = np.empty(image.shape, dtype=np.bool_)
-    for y in range(image.shape[0]):
-        for x in range(image.shape[1]):
-            above[y, x] = image[y, x] > level
-    return above
-
-
-@kernel(nogil=True)
-def _without(mask: Bytes, other: Bytes) -> Bytes:
-    without = np.empty(mask.shape, dtype=np.uint8)
-    for y in range(mask.shape[0]):
-        for x in range(mask.shape[1]):
-            without[y, x] = mask[y, x] > other[y, x]
-    return without
-
-
-@kernel(nogil=True)
-def _at_outline(
-    share: Image, variance: Image, distance: Image, half_width: Image, inflation: float, texture: float
-) -> tuple[Image, Image]:
-    """Share and variance (h, w) with the pixels off the outline set to a share of 1 or 0 and a variance of 0."""
-    settled = np.zeros(share.shape, dtype=np.float32)
-    sure = np.zeros(share.shape, dtype=np.float32)
-    for y in range(share.shape[0]):
-        for x in range(share.shape[1]):
-            if abs(distance[y, x]) <= half_width[y, x]:
-                settled[y, x] = share[y, x]
-                sure[y, x] = inflation * variance[y, x] + texture * share[y, x] ** 2
-            else:
-                settled[y, x] = distance[y, x] > 0
-    return settled, sure
+    The median keeps out the cord or whatever else is there.
+    """
+    judged = outside & (variance > 0)
+    if np.count_nonzero(judged) < MIN_OUTSIDE:
+        return np.float32(1)
+    typical = float(np.median(np.abs(share[judged]) / np.sqrt(variance[judged])))
+    return np.float32(max(1.0, (MAD_TO_SD * typical) ** 2))

@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 
 from iris_sysid.types import Frame
 from trackers._background.median import Background
-from trackers._detection.coverage_kernels import seen_roughly
 from trackers._detection.depth import depth_of
 from trackers._detection.foreground import MIN_AREA, Blob
 from trackers._detection.motion_blur import streak_centre
 from trackers._detection.strong_windows import grown
 from trackers._detection.subpixel_centroid import Centre, Window, coverage_centre
-from trackers._detection.window_kernels import looks_of, made_ready, paste
+from trackers._detection.window_setup import looks_of, made_ready, seen_roughly
 from trackers._frames.arrays import Bytes, Image
 from trackers._frames.working_image import WorkingView
 
@@ -180,9 +180,9 @@ class BlobDetector:
         """A body by its pixels of the search."""
         view, step = self.view, self.view.step
         left, top, right, bottom = grown(blob.box, 1, view.search_size)
-        image = np.atleast_3d(view.part(frame, (left, top, right, bottom), step)).astype(np.float32)
-        background = np.atleast_3d(self.background.reduced(step).patch(top, bottom, left, right).background)
-        mask = np.zeros(image.shape[:2], dtype=np.uint8)
+        image = _as_planes(view.part(frame, (left, top, right, bottom), step))
+        background = _as_planes(self.background.reduced(step).patch(top, bottom, left, right).background)
+        mask = np.zeros(image.shape[1:], dtype=np.uint8)
         rows, columns = slice(blob.top - top, blob.box[3] - top), slice(blob.left - left, blob.box[2] - left)
         mask[rows, columns] = blob.mask
         area, x, y, contrast, brightening, intensity, sharpness = seen_roughly(image, background, mask)
@@ -268,16 +268,16 @@ class BlobDetector:
         right, bottom = min(self.view.width // size, x1 + margin), min(self.view.height // size, y1 + margin)
         estimate = self.background.reduced(size).patch(top, bottom, left, right)
         image = self.view.part(frame, (left, top, right, bottom), size)
-        planes = _as_plane(image), _as_plane(estimate.background), _as_plane(estimate.noise)
-        mask = _pasted([blob], (top, bottom, left, right), finer)
-        other = _pasted([body for body in bodies if body is not blob], (top, bottom, left, right), finer)
+        planes = _as_planes(image), _as_planes(estimate.background), _as_planes(estimate.noise)
+        mask = pasted([blob], (top, bottom, left, right), finer)
+        other = pasted([body for body in bodies if body is not blob], (top, bottom, left, right), finer)
         background, mask, other = made_ready(planes, mask, other, finer)
         return Window(planes[0], background, planes[2], mask, other, self.inflation), left, top
 
 
-def _as_plane(image: Image | Bytes) -> Image:
-    """An image (h, w) or (h, w, channels) as (h, w, channels) grey levels in one piece, as the kernels take it."""
-    return np.array(image if image.ndim == 3 else image[..., np.newaxis], dtype=np.float32, order="C")
+def _as_planes(image: Image | Bytes) -> Image:
+    """An image (h, w) or (h, w, channels) as (channels, h, w) grey levels."""
+    return np.array([image] if image.ndim == 2 else cv2.split(image), dtype=np.float32)
 
 
 def _is_still(centre: Centre, left: int, top: int, before: Sequence[Detection]) -> bool:
@@ -305,12 +305,17 @@ def _in_pixels(centre: Centre, size: int) -> Centre:
     )
 
 
-def _pasted(blobs: list[Blob], within: tuple[int, int, int, int], finer: int) -> Bytes:
+def pasted(blobs: list[Blob], within: tuple[int, int, int, int], finer: int) -> Bytes:
     """The masks of blobs in a window (top, bottom, left, right) whose pixels are ``finer`` times smaller."""
     top, bottom, left, right = within
     pasted = np.zeros((bottom - top, right - left), dtype=np.uint8)
     for blob in blobs:
-        paste(pasted, left, top, blob.mask, blob.left, blob.top, finer)
+        x0, y0, x1, y1 = (side * finer for side in blob.box)
+        rows, columns = slice(max(top, y0), min(bottom, y1)), slice(max(left, x0), min(right, x1))
+        if rows.start < rows.stop and columns.start < columns.stop:
+            mask = cv2.resize(blob.mask, (x1 - x0, y1 - y0), interpolation=cv2.INTER_NEAREST)
+            into = pasted[rows.start - top : rows.stop - top, columns.start - left : columns.stop - left]
+            into |= mask[rows.start - y0 : rows.stop - y0, columns.start - x0 : columns.stop - x0]
     return pasted
 
 

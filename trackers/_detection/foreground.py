@@ -10,8 +10,8 @@ import numpy as np
 
 from iris_sysid.types import Array
 from trackers._background.median import BackgroundEstimate
-from trackers._detection.blob_kernels import INSCRIBED, LEFT, MIN_INSCRIBED, SEED, WHOLE, cut_at, peak_of
 from trackers._detection.connected import Labels, connected_parts
+from trackers._detection.cut_components import INSCRIBED, LEFT, MIN_INSCRIBED, SEED, WHOLE, cut_at, peak_of
 from trackers._detection.strong_windows import are_most, grown, merged, windows_of
 from trackers._frames.arrays import Box, Bytes, Flags, Image
 

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 
 from iris_sysid.types import Array
-from trackers._detection.coverage_kernels import sweep_terms, swept, swept_left_over, swept_slopes
+from trackers._detection.image_operations import dilated
 from trackers._detection.subpixel_centroid import Centre, Window
-from trackers._detection.window_kernels import moments_of_difference
+from trackers._detection.swept_disc import sweep_terms, swept_left_over, swept_slopes
+from trackers._detection.window_setup import moments_of_difference
 from trackers._frames.arrays import MAD_TO_SD, Flags
 
 MIN_WAY = 0.5  # of the radius: after a shorter distance the outline still shows the body
@@ -137,9 +137,20 @@ class _Pixels:
         return np.asarray(swept_slopes(*self._data, sweep.values, left))
 
     def swept(self, start: Sweep, enough: float, steps: int = STEPS) -> tuple[Sweep, Array]:
-        """The sweep that leaves least over, and what it leaves (n, channels)."""
-        values, left = swept(*self._data, start.values, enough, steps)
-        return _sweep(values), np.asarray(left)
+        """The sweep that leaves least over, and what it leaves (n, channels), by the method of Levenberg and Marquardt.
+
+        It ends where a step lessens the sum of squares by less than the share ``enough``, or after some steps.
+        """
+        from scipy.optimize import least_squares  # takes half a second; few clips need it
+
+        def left_over(values: Array) -> Array:
+            return swept_left_over(*self._data, values).ravel()
+
+        def slopes(values: Array) -> Array:
+            return swept_slopes(*self._data, values, swept_left_over(*self._data, values))
+
+        found = least_squares(left_over, start.values, slopes, method="lm", ftol=enough, max_nfev=steps + 1)
+        return _sweep(found.x), np.asarray(found.fun.reshape(self.difference.shape))
 
     def unexplained(self, sweep: Sweep) -> float:
         """Residual share of the sum of squares of the difference."""
@@ -150,11 +161,10 @@ def _pixels(window: Window, sweep: Sweep) -> _Pixels:
     """Those near a sweep on which there is nothing else."""
     rows, columns = np.indices(window.mask.shape, dtype=np.float64).reshape(2, -1)
     covered = (sweep_terms(columns, rows, sweep.values)[:, 0] > 0).reshape(window.mask.shape)
-    near = cv2.dilate(covered.astype(np.uint8), np.ones((2 * FRINGE + 1, 2 * FRINGE + 1), np.uint8))
-    use = np.nonzero((near > 0) & (cv2.dilate(window.other, np.ones((3, 3), np.uint8)) == 0))
-    noise = window.noise[use].mean(axis=0, dtype=np.float64)
-    image, background = (plane[use].astype(np.float64) / noise for plane in (window.image, window.background))
-    y, x = (places.astype(np.float64) for places in use)
+    use = dilated(covered, FRINGE) > dilated(window.other, 1)
+    noise = window.noise[:, use].mean(axis=1, dtype=np.float64)
+    image, background = (plane[:, use].T / noise for plane in (window.image, window.background))
+    y, x = (places.astype(np.float64) for places in np.nonzero(use))
     return _Pixels(x, y, image - background, background)
 
 

@@ -1,16 +1,17 @@
-"""The outline of one body: signed distance of each pixel to it, and half its width, from the coverage of pixels."""
+"""The outline of one body: signed distance of each pixel to it, and half its width (numba), from their coverage."""
 
 # mypy: disallow-untyped-decorators=False
 from __future__ import annotations
 
 import math
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from iris_sysid.io.kernels import kernel
-from trackers._detection.connected import filled_about
-from trackers._detection.small_images import chamfer, stretched
+from trackers._detection.connected import filled_round
+from trackers._detection.image_operations import as_bytes, rough_depth
 from trackers._frames.arrays import Bytes, Flags, Image
 
 FINER_SMALL, FINER_LARGE = 4, 2  # how much finer than the pixels the half-way contour is drawn
@@ -24,12 +25,11 @@ STEPS_APART = 6  # quarters of a px over which the coverage falls, or no longer 
 MIN_HALF_WIDTH = 0.75  # px, half the width of the sharpest outline: half a pixel's diagonal
 QUARTER = 0.25  # px from one ring about the outline to the next
 RING_QUARTERS = 3  # of a px, width of a ring
-HALF = np.float32(0.5)  # coverage on the outline
+HALF = 0.5  # coverage on the outline
 # largest half widths, and px, from the outline: the half width is computed only for nearer pixels
 FAR_WIDTHS, FAR = 1.5, 4.0
 
 
-@kernel(nogil=True)
 def outline(share: Image, heart: Flags, axes: int) -> tuple[Image, Image]:
     """Distance (h, w) of each pixel to the outline, px, positive inside, and half the width (h, w) of the outline, px.
 
@@ -50,75 +50,34 @@ def outline(share: Image, heart: Flags, axes: int) -> tuple[Image, Image]:
     return distance, _half_width(share, distance, axes)
 
 
-@kernel(nogil=True)
 def _signed_distance(share: Image, heart: Flags) -> Image:
     """Distance in px of each pixel's centre to the half-way contour round the heart, positive inside."""
     height, width = share.shape
     finer = FINER_SMALL if max(height, width) < SMALL_WINDOW else FINER_LARGE
-    solid = np.empty((height, width, 1), dtype=np.float32)
-    for y in range(height):
-        for x in range(width):
-            solid[y, x, 0] = max(share[y, x], np.float32(heart[y, x]))
-    fine = stretched(solid, height * finer, width * finer)
-    top, stop, left, end = _about_half(fine)
-    part = np.empty((stop - top, end - left), dtype=np.uint8)
-    seed = np.empty((stop - top, end - left), dtype=np.uint8)
-    for y in range(top, stop):
-        for x in range(left, end):
-            part[y - top, x - left] = fine[y, x, 0] > HALF
-            seed[y - top, x - left] = heart[y // finer, x // finer]
-    body, inside = _without_cords(filled_about(part, seed))
-    free = np.ones((height * finer, width * finer), dtype=np.uint8)
-    free[top:stop, left:end] -= body
-    return _in_pixels(inside, chamfer(free, False), (top, left), finer)
+    size = (width * finer, height * finer)
+    fine = as_bytes(cv2.resize(np.maximum(share, heart), size, interpolation=cv2.INTER_LINEAR) > HALF)
+    left, top, columns, rows = cv2.boundingRect(fine)
+    part = slice(max(0, top - 1), top + rows + 1), slice(max(0, left - 1), left + columns + 1)
+    seed = cv2.resize(as_bytes(heart), size, interpolation=cv2.INTER_NEAREST)[part]
+    body, inside = _without_cords(filled_round(fine[part], seed))
+    free = np.ones_like(fine)
+    free[part] -= body
+    signed = np.float32(0.5) - rough_depth(free, outside=False)
+    np.copyto(signed[part], inside - np.float32(0.5), where=inside > 0)
+    distance = cv2.resize(signed, (width, height), interpolation=cv2.INTER_AREA) / np.float32(finer)
+    return np.asarray(distance, dtype=np.float32)
 
 
-@kernel(nogil=True)
-def _about_half(fine: Image) -> tuple[int, int, int, int]:
-    """First and last row, first and last column (both last exclusive) of pixels (h, w, 1) above one half; one more."""
-    height, width, _ = fine.shape
-    top, stop, left, end = height, 0, width, 0
-    for y in range(height):
-        for x in range(width):
-            if fine[y, x, 0] > HALF:
-                top, stop, left, end = min(top, y), y + 1, min(left, x), max(end, x + 1)
-    return max(0, top - 1), min(height, stop + 1), max(0, left - 1), min(width, end + 1)
-
-
-@kernel(nogil=True)
 def _without_cords(mask: Bytes) -> tuple[Bytes, Image]:
     """The mask without parts thinner than a share of its thickness, its outline elsewhere as it was; its depth, px."""
-    depth = chamfer(mask, False)
+    depth = rough_depth(mask, outside=False)
     cord = np.float32(CORD_SHARE * depth.max())
-    thin = np.empty(mask.shape, dtype=np.uint8)
-    for y in range(mask.shape[0]):
-        for x in range(mask.shape[1]):
-            thin[y, x] = depth[y, x] < cord
-    away, stout, left_out = chamfer(thin, False), mask.copy(), 0
-    for y in range(mask.shape[0]):
-        for x in range(mask.shape[1]):
-            if mask[y, x] and away[y, x] >= cord + np.float32(1):
-                stout[y, x] = 0
-                left_out += 1
-    return (stout, chamfer(stout, False)) if left_out else (mask, depth)
-
-
-@kernel(nogil=True)
-def _in_pixels(inside: Image, outside: Image, corner: tuple[int, int], finer: int) -> Image:
-    """Signed distance (h, w), px, from distances at ``finer`` pixels; those inside are a window at ``corner``."""
-    height, width = outside.shape[0] // finer, outside.shape[1] // finer
-    top, left = corner
-    signed = np.float32(0.5) - outside
-    for row in range(inside.shape[0]):
-        for column in range(inside.shape[1]):
-            if inside[row, column] > 0:
-                signed[row + top, column + left] = inside[row, column] - np.float32(0.5)
-    distance = np.zeros((height, width), dtype=np.float32)
-    for row in range(height * finer):
-        for column in range(width):
-            for place in range(column * finer, column * finer + finer):
-                distance[row // finer, column] += signed[row, place]
-    return distance * np.float32(1.0 / finer**3)
+    away = rough_depth(depth < cord, outside=False)
+    thin = (mask > 0) & (away >= cord + 1)
+    if not thin.any():
+        return mask, depth
+    stout = np.where(thin, 0, mask)
+    return stout, rough_depth(stout, outside=False)
 
 
 @kernel(nogil=True)

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import reduce
 
 import numpy as np
 
+from iris_sysid.types import Array
 from trackers._detection.coverage import coverage
-from trackers._detection.coverage_kernels import moments, seen_inside
+from trackers._detection.coverage_kernels import Planes
 from trackers._frames.arrays import Bytes, Image
 from trackers._uncertainty.error_correlation import outline_lobes
+
+HALF = 0.5  # of a pixel at the border: a body that covers more is cut by it
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +37,7 @@ class Centre:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Window:
-    """Pixels round a body: grey levels (h, w, channels) of frame, background and noise.
+    """Pixels round a body: grey levels (channels, h, w) of frame, background and noise.
 
     ``mask`` (h, w) is 1 where the body is, right to about two pixels; ``other`` (h, w) is 1 where
     something else is. ``inflation`` is the variance of sums of noise over that of white noise.
@@ -49,8 +51,8 @@ class Window:
     inflation: float = 1.0
 
     @property
-    def planes(self) -> tuple[Image, Image, Image]:
-        """Frame, background and noise (h, w, channels), as the kernels take them."""
+    def planes(self) -> Planes:
+        """Frame, background and noise (channels, h, w)."""
         return self.image, self.background, self.noise
 
 
@@ -83,31 +85,33 @@ def coverage_centre(window: Window, *, refined: bool = True) -> Centre:
         Whether outline and background are estimated again from the first result; if not, the centre is a good guess.
     """
     share, variance = coverage(window.planes, window.mask, window.other, window.inflation, refined)
-    return _moments(window, share, variance)
+    return _moments(window, share.astype(np.float64), variance.astype(np.float64))
 
 
-def _moments(window: Window, share: Image, variance: Image) -> Centre:
+def _moments(window: Window, share: Array, variance: Array) -> Centre:
     """Centre and standard error from coverage and its variance."""
-    area, x, y, sigma_area, sigma_x, sigma_y, border = (
-        float(value) for value in moments(share.astype(np.float64), variance.astype(np.float64))
-    )
-    contrast, intensity, noise, count = seen_inside(window.planes, window.mask)
+    area = max(float(share.sum()), 1e-9)
+    (x, sigma_x), (y, sigma_y) = (_middle(share.sum(axis=axis), variance.sum(axis=axis), area) for axis in (0, 1))
+    body = window.mask > 0
+    seen, background = window.image[:, body], window.background[:, body]
+    noise = float(window.noise[0, body].mean(dtype=np.float64))
     return Centre(
         x=x,
         y=y,
         sigma_x=sigma_x,
         sigma_y=sigma_y,
         area=area,
-        sigma_area=sigma_area,
-        contrast=contrast,
-        intensity=intensity,
-        sigma_intensity=float(noise * np.sqrt(window.inflation / count)),
-        cut=border > 0.5,
+        sigma_area=float(np.sqrt(variance.sum())),
+        contrast=float(np.abs(seen - background).max(axis=0).mean(dtype=np.float64)),
+        intensity=float(seen[0].mean(dtype=np.float64)),
+        sigma_intensity=noise * float(np.sqrt(window.inflation / seen.shape[1])),
+        cut=max(float(side.max()) for side in (share[0], share[-1], share[:, 0], share[:, -1])) > HALF,
         lobes=outline_lobes(share, x, y, area),
     )
 
 
-def largest(image: Image) -> Image:
-    """The largest of the channels of an image (h, w, channels), pixel by pixel: faster than by np.max."""
-    planes = [image[..., channel] for channel in range(image.shape[-1])]
-    return np.asarray(reduce(np.maximum, planes))
+def _middle(share: Array, variance: Array, area: float) -> tuple[float, float]:
+    """Mean place (px) and its standard error, from the sums of coverage and of its variance across each place (n,)."""
+    places = np.arange(share.size)
+    middle = float(share @ places) / area
+    return middle, float(np.sqrt(variance @ (places - middle) ** 2)) / area

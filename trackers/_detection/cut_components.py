@@ -1,42 +1,28 @@
-"""A component cut into compact parts, at one level of contrast (numba: one call)."""
+"""A component cut into compact parts, at one level of contrast."""
 
 # mypy: disallow-untyped-decorators=False
 from __future__ import annotations
 
-import math
-
+import cv2
 import numpy as np
 
 from iris_sysid.io.kernels import kernel
 from iris_sysid.types import Array
-from trackers._detection.connected import Labels, filled_about, parts_with
-from trackers._detection.depth import exact_depth
-from trackers._detection.small_images import mirrored
+from trackers._detection.connected import Labels, connected_parts, filled_round
+from trackers._detection.depth import depth_of, exact_depth
 from trackers._frames.arrays import Bytes, Image
 
 MIN_INSCRIBED = 2.5  # px: a component with a smaller inscribed circle is not taken apart
 BLOB_SHARE = 0.5  # of the inscribed radius: thinner parts are cords, arms of clamps, fingers
 LEFT, TOP, RIGHT, BOTTOM, INSCRIBED, WHOLE, SEED, COLUMNS = 0, 1, 2, 3, 4, 5, 10, 12
+AROUND = np.ones((3, 3), np.uint8)
 
 
-@kernel(nogil=True)
 def peak_of(mask: Bytes, level: Bytes) -> float:
     """Largest mean of 3 x 3 px of a difference (h, w), grey levels, within a mask, rounded."""
-    height, width = mask.shape
-    most = 0
-    for y in range(height):
-        above, below = mirrored(y - 1, height), mirrored(y + 1, height)
-        for x in range(width):
-            if mask[y, x]:
-                total = 0
-                for row in (above, y, below):
-                    total += int(level[row, mirrored(x - 1, width)]) + int(level[row, x])
-                    total += int(level[row, mirrored(x + 1, width)])
-                most = max(most, total)
-    return np.rint(most / 9)
+    return float(cv2.blur(level, (3, 3))[mask > 0].max(initial=0))
 
 
-@kernel(nogil=True)
 def cut_at(mask: Bytes, level: Bytes, faintest: float, smallest: int) -> tuple[Labels, Image, Array, float]:
     """Cut the pixels of a mask that differ enough where they form thin parts: opening by half the thickness.
 
@@ -61,18 +47,14 @@ def cut_at(mask: Bytes, level: Bytes, faintest: float, smallest: int) -> tuple[L
     clearness : float
         How compact the parts are, times how sharp their outlines are by the gradient, grey levels a px.
     """
-    bright = ((mask > 0) & (level >= faintest)).astype(np.uint8)
-    solid = filled_about(bright, bright)
-    wholes, boxes = parts_with(solid, solid)
-    depth = exact_depth(solid, True)
-    kept = _worth_cutting(wholes, boxes, depth, smallest)
-    deep = np.zeros(mask.shape, dtype=np.uint8)
-    for y in range(mask.shape[0]):
-        for x in range(mask.shape[1]):
-            thickest = kept[wholes[y, x]]
-            deep[y, x] = thickest > 0 and depth[y, x] > (BLOB_SHARE * thickest if thickest >= MIN_INSCRIBED else 0.0)
-    seeds, seed_boxes = parts_with(deep, deep)
-    owner, table = _owned(wholes, boxes, kept, depth, seeds, seed_boxes)
+    bright = mask * (level >= faintest)
+    solid = filled_round(bright, bright)
+    wholes, boxes = connected_parts(solid, solid)
+    depth = depth_of(solid)
+    thickest = _worth_cutting(wholes, boxes, depth, smallest)
+    deep = _deep(wholes, thickest, depth)
+    seeds, seed_boxes = connected_parts(deep, deep)
+    owner, table = _owned(wholes, boxes, thickest, depth, seeds, seed_boxes)
     return owner, depth, table, _clearness(owner, table, level)
 
 
@@ -88,6 +70,17 @@ def _worth_cutting(wholes: Labels, boxes: Labels, depth: Image, smallest: int) -
         if boxes[k, 4] < smallest:
             thickest[k + 1] = 0
     return thickest
+
+
+@kernel(nogil=True)
+def _deep(wholes: Labels, thickest: Image, depth: Image) -> Bytes:
+    """1 where the pixels (h, w) of a part are deep inside, by the inscribed radius (n + 1,) of each."""
+    deep = np.zeros(wholes.shape, dtype=np.uint8)
+    for y in range(wholes.shape[0]):
+        for x in range(wholes.shape[1]):
+            thick = thickest[wholes[y, x]]
+            deep[y, x] = thick > 0 and depth[y, x] > (BLOB_SHARE * thick if thick >= MIN_INSCRIBED else 0.0)
+    return deep
 
 
 @kernel(nogil=True)
@@ -136,39 +129,15 @@ def _fill_boxes(owner: Labels, table: Array) -> None:
                 row[RIGHT], row[BOTTOM] = max(row[RIGHT], x + 1), max(row[BOTTOM], y + 1)
 
 
-@kernel(nogil=True)
 def _clearness(owner: Labels, table: Array, level: Bytes) -> float:
     """See :func:`cut_at`; 0 where there are no parts."""
-    height, width = owner.shape
-    area, rim, steepness = 0, 0, 0.0
-    for y in range(height):
-        for x in range(width):
-            if owner[y, x]:
-                area += 1
-                if _is_rim(owner, y, x):
-                    rim, steepness = rim + 1, steepness + _slope(level, y, x)
-    return (table[:, INSCRIBED] ** 2).sum() / max(1, area) * steepness / max(1, rim)
-
-
-@kernel(nogil=True)
-def _is_rim(owner: Labels, y: int, x: int) -> bool:
-    """Whether one of the eight pixels about one belongs to another part, or to none."""
-    for row in range(y - 1, y + 2):
-        for column in range(x - 1, x + 2):
-            if row < 0 or column < 0 or row >= owner.shape[0] or column >= owner.shape[1]:
-                return True
-            if owner[row, column] != owner[y, x]:
-                return True
-    return False
-
-
-@kernel(nogil=True)
-def _slope(level: Bytes, y: int, x: int) -> float:
-    """Gradient (Sobel) of a difference (h, w), grey levels a px, its borders mirrored."""
-    height, width = level.shape
-    across = down = 0
-    for step, weight in ((-1, 1), (0, 2), (1, 1)):
-        row, column = mirrored(y + step, height), mirrored(x + step, width)
-        across += weight * (int(level[row, mirrored(x + 1, width)]) - int(level[row, mirrored(x - 1, width)]))
-        down += weight * (int(level[mirrored(y + 1, height), column]) - int(level[mirrored(y - 1, height), column]))
-    return math.hypot(across, down) / 8
+    if not len(table):
+        return 0.0
+    (left, top), (right, bottom) = table[:, :2].min(axis=0).astype(int), table[:, 2:4].max(axis=0).astype(int)
+    within = slice(top, bottom), slice(left, right)
+    parts = cv2.copyMakeBorder(owner[within].astype(np.int16), 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0)
+    rim = ((parts > 0) & (cv2.erode(parts, AROUND) != cv2.dilate(parts, AROUND)))[1:-1, 1:-1]
+    across, down = (cv2.Sobel(level, cv2.CV_16S, *along)[within][rim] for along in ((1, 0), (0, 1)))
+    steepness = float(np.hypot(across, down, dtype=np.float64).sum()) / 8
+    area = int(np.count_nonzero(owner[within]))
+    return float((table[:, INSCRIBED] ** 2).sum()) / max(1, area) * steepness / max(1, int(np.count_nonzero(rim)))
