@@ -134,10 +134,12 @@ def _clearness(owner: Labels, table: Array, level: Bytes) -> float:
     if not len(table):
         return 0.0
     (left, top), (right, bottom) = table[:, :2].min(axis=0).astype(int), table[:, 2:4].max(axis=0).astype(int)
-    within = slice(top, bottom), slice(left, right)
-    parts = cv2.copyMakeBorder(owner[within].astype(np.int16), 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0)
+    x0, y0 = max(0, left - 1), max(0, top - 1)  # one more pixel on each side, for the gradient
+    parts = cv2.copyMakeBorder(owner[top:bottom, left:right].astype(np.int16), 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0)
     rim = ((parts > 0) & (cv2.erode(parts, AROUND) != cv2.dilate(parts, AROUND)))[1:-1, 1:-1]
-    across, down = (cv2.Sobel(level, cv2.CV_16S, *along)[within][rim] for along in ((1, 0), (0, 1)))
-    steepness = float(np.hypot(across, down, dtype=np.float64).sum()) / 8
-    area = int(np.count_nonzero(owner[within]))
-    return float((table[:, INSCRIBED] ** 2).sum()) / max(1, area) * steepness / max(1, int(np.count_nonzero(rim)))
+    rows, columns = np.nonzero(rim)
+    about = level[y0 : bottom + 1, x0 : right + 1]
+    slopes = (cv2.Sobel(about, cv2.CV_16S, *along)[rows + top - y0, columns + left - x0] for along in ((1, 0), (0, 1)))
+    steepness = float(np.hypot(*slopes, dtype=np.float64).sum()) / 8
+    area = int(np.count_nonzero(parts))
+    return float((table[:, INSCRIBED] ** 2).sum()) / max(1, area) * steepness / max(1, rows.size)
