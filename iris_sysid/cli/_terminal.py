@@ -197,11 +197,11 @@ def by_hand(output: Path, source: Path, *options: object) -> Iterator[None]:
     *options
         As typed.
     """
-    from iris_sysid.review.opening import is_result
-
     try:
         yield
     except TrackingError as error:
+        from iris_sysid.review.opening import is_result
+
         folder = output / "review" if is_result(output) else output
         error.add_note(f"next: {command('review', source, *options, '-o', folder)}")
         raise

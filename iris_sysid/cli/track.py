@@ -59,8 +59,6 @@ def track(
     Example:
       iris-sysid track toss.mp4 --mark 1=120,88@35 -o track.csv --overlay overlay.mp4
     """
-    from iris_sysid.calibration.pixel_scale import to_world
-    from iris_sysid.calibration.plane import check_image_size
     from iris_sysid.cli import _parsing
     from iris_sysid.errors import DataError
     from iris_sysid.pipeline import one_clip
@@ -80,6 +78,8 @@ def track(
         raise DataError(f"--mark and --explain are for the tracker auto, not for {name}")
     opened = open_video(video, fps=clip.fps, start_s=clip.start, stop_s=clip.stop, keep_partial=clip.keep_partial)
     if calibration is not None:
+        from iris_sysid.calibration.plane import check_image_size
+
         check_image_size(calibration.image_size, (opened.width, opened.height))
     same = [*as_typed(clip, tracking, scale), *_terminal.repeated("--mark", mark)]
     reviewed = [*(["--phenomenon", phenomenon] if phenomenon else []), *same, *(["--bodies", bodies] if bodies else [])]
@@ -105,6 +105,8 @@ def track(
     tracks = one_clip.from_source(tracks, video, recorded, complete=opened.complete)
     csv_write.write_track(tracks, output, overwrite=force)
     if world is not None and calibration is not None:
+        from iris_sysid.calibration.pixel_scale import to_world
+
         bodies_in_m = {body.body: to_world(body, calibration) for body in tracks}
         csv_write.write_worlds(bodies_in_m, world, overwrite=force)
     if sheet is not None:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.ndimage import median_filter
 
 from iris_sysid.types import Array, Mask
 from trackers._frames.arrays import MAD_TO_SD
+from trackers._uncertainty.running_median import running_median
 
 NEIGHBOURS = 31  # frames over which the median area is taken: the body's own area is steady over them
 USUAL = 4.0  # robust standard deviations: noise and compression change the area by less
@@ -35,7 +35,7 @@ def shifted_by_area(area: Array, radius: Array) -> Array:
     seen = np.flatnonzero(np.isfinite(area) & (area > 0))
     if seen.size < MEDIAN_FRAMES:
         return added
-    usual = median_filter(area[seen], NEIGHBOURS, mode="mirror")
+    usual = running_median(area[seen], NEIGHBOURS)
     share = np.abs(area[seen] - usual) / area[seen]
     noise = max(MIN_CHANGE, USUAL * MAD_TO_SD * float(np.median(share)))
     added[seen] = np.where(share > noise, share * radius[seen], 0.0)
@@ -53,7 +53,7 @@ def area_outliers(area: Array) -> Mask:
     seen = np.flatnonzero(np.isfinite(area) & (area > 0))
     if seen.size < MEDIAN_FRAMES:
         return joined
-    share = 1 - median_filter(area[seen], MEDIAN_FRAMES, mode="mirror") / area[seen]
+    share = 1 - running_median(area[seen], MEDIAN_FRAMES) / area[seen]
     if np.count_nonzero(np.abs(share) > MAX_EXCESS) <= MAX_SHARE * seen.size:
         joined[seen] = share > MAX_EXCESS
     return joined

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.ndimage import median_filter
 
 from iris_sysid.types import Array, Mask
 from trackers._uncertainty.error_correlation import ROUND
+from trackers._uncertainty.running_median import running_median
 
 # On cups (960x540, seed 4101, settings cone_45, cone_60 and cone_80, first clips), whose corners and rim are cut off
 # as cords are: 0.34 px of shift over 3.0 px of the outline's third lobe; and the change of the shift with the blur,
@@ -40,6 +40,6 @@ def changed_shape(lobes: Array, radius: Array, moving: Mask) -> Array:
         return np.zeros(len(third))
     turned = np.angle(third * np.conj(typical)) / 3
     by_turn = SHIFT_OF_LOBE * abs(typical) * 2 * np.sin(turned / 2)
-    size = median_filter(np.abs(third), NEIGHBOURS, mode="nearest")
+    size = running_median(np.abs(third), NEIGHBOURS, "edge")
     by_blur = CHANGE_OF_LOBE * (size - np.median(np.abs(told)))
     return np.asarray(np.hypot(by_turn, by_blur) / np.sqrt(2))
