@@ -69,6 +69,8 @@ class Session:
         Where the log is, and where results are saved.
     frames
         The images of the clip.
+    history
+        The edits, and what can be undone.
     fits
         The fits of the states.
     tracking
@@ -87,7 +89,7 @@ class Session:
         self.saved_version: int | None = None
         self._lock = RLock()
         self._read: dict[str, Tracks] = {}
-        self._history = History(start, self.tracks_in)
+        self.history = History(start, self.tracks_in)
         self.fits = FitQueue(self._run_of, self._preview_of)
 
     # ----------------------------------------------------------------------- state
@@ -100,30 +102,20 @@ class Session:
     @property
     def version(self) -> int:
         """Number of changes so far."""
-        return self._history.version
+        return self.history.version
 
     @property
     def state(self) -> ReviewState:
         """Tracks and request after the edits."""
-        return self._history.state
+        return self.history.state
 
     @property
     def scale_points(self) -> tuple[float, ...] | None:
         """The ends of the scale bar or the corners of the board that a person marked last, px; None without one."""
-        marked = [edit for edit in self._history.edits if isinstance(edit, ScaleBar | BoardCorners)]
+        marked = [edit for edit in self.history.edits if isinstance(edit, ScaleBar | BoardCorners)]
         if not marked:
             return None
         return marked[-1].ends if isinstance(marked[-1], ScaleBar) else marked[-1].corners
-
-    @property
-    def can_undo(self) -> bool:
-        """Whether there is an edit to undo."""
-        return self._history.can_undo
-
-    @property
-    def can_redo(self) -> bool:
-        """Whether there is an edit to redo."""
-        return self._history.can_redo
 
     @property
     def n_frames(self) -> int:
@@ -138,7 +130,7 @@ class Session:
 
     def replay(self, entry: Entry) -> None:
         """Take over an ``entry`` that the log holds already. DataError when it does not fit to those before."""
-        self._history.made(entry, self._history.tried(entry))
+        self.history.made(entry, self.history.tried(entry))
         if entry.what == "save":
             self.saved_version = self.version
 
@@ -172,9 +164,9 @@ class Session:
 
     def _make(self, entry: Entry) -> int:
         self.check_clip()
-        state = self._history.tried(entry)
+        state = self.history.tried(entry)
         self._log.add(entry, self.version + 1)
-        self._history.made(entry, state)
+        self.history.made(entry, state)
         self.fits.ask(self.version, state)
         return self.version
 

@@ -34,13 +34,15 @@ class BoardCalibration:
     """The calibration from images of a board.
 
     ``calibration`` of the plane of motion; ``camera`` and, in it, the view of the board in the plane, or parallel
-    to it (``fitted``); None when one image was all. ``image`` (h, w) uint8 is that view's.
+    to it (``fitted``); None when one image was all. ``image`` (h, w) uint8 is that view's, ``over`` (h, w) uint8 the
+    first of the clip that will be measured, where one is stated.
     """
 
     calibration: Calibration
     camera: CameraCalibration | None
     fitted: FittedView | None
     image: Luma
+    over: Luma | None = None
 
 
 @dataclass(frozen=True, slots=True)
