@@ -326,11 +326,6 @@ def fitted_view(parameters: Array, view: BoardView, board: Board, left_out: str 
         What was seen, and of what.
     left_out
         Why the camera was not fitted to it, empty where it was.
-
-    Returns
-    -------
-    FittedView
-        With its residuals.
     """
     points = Points(view.points_m(board), np.asarray(view.corners_px))
     pose = pose_of(parameters, points)

@@ -256,21 +256,9 @@ def _refuse_groups(label: str, title: str, cells: Sequence[str]) -> None:
 
 
 def trajectory_of_sheet(sheet: Sheet, document: OriginDocument | None, origin: Mapping[str, Any]) -> Trajectory:
-    """The trajectory that the columns of a table hold.
+    """The trajectory that the columns of a table, under this project's names, and the file beside it hold.
 
-    Parameters
-    ----------
-    sheet
-        Its columns, under this project's names.
-    document
-        What the file beside the table states; None where there is none.
-    origin
-        Where the table comes from.
-
-    Raises
-    ------
-    DataError
-        When a column does not belong to a trajectory, or a cell does not hold what its column should.
+    DataError when a column does not belong to a trajectory, or a cell does not hold what its column should.
     """
     _require(sheet, ("t_s",), "a trajectory has t_s in s and a column such as theta_rad or x_m")
     columns = _columns(sheet)

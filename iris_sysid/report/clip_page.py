@@ -68,22 +68,7 @@ def write_report(run: Run, folder: str | Path, *, overwrite: bool = False) -> Pa
 
 
 def write_page(page: Page, folder: str | Path, *, overwrite: bool = False) -> Path:
-    """Write a page's images and then ``report.html`` into a folder.
-
-    Parameters
-    ----------
-    page
-        The content of the page.
-    folder
-        Created when it does not exist.
-    overwrite
-        Replace files of an earlier report.
-
-    Returns
-    -------
-    Path
-        The page.
-    """
+    """Write a page's images and then ``report.html`` into a folder, made when missing; the page's path."""
     files = {f"{image.name}.png": image.png for image in page.images} | {"report.html": html_of(page)}
     folder = check_folder(folder, files, overwrite=overwrite)
     for name, content in files.items():

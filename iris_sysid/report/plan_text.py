@@ -106,17 +106,7 @@ def plan_text(planned: Plan) -> str:
 
 
 def needs_text(planned: Plan, name: str, stderr: float) -> str:
-    """What a value needs to be known to a standard error, as a sentence.
-
-    Parameters
-    ----------
-    planned
-        With the repeat.
-    name
-        Of a fitted value.
-    stderr
-        In its unit.
-    """
+    """What a fitted value needs to be known to a standard error, in its unit, as a sentence."""
     estimate = planned.fitted.estimates[name]
     head = f"{name} to {with_unit(f'{stderr:.2g}', estimate.unit)} ({100 * stderr / abs(estimate.value):.2g} %)"
     ways = planned.needs(name, stderr)
@@ -140,12 +130,7 @@ def _way_text(planned: Plan, way: Need) -> str:
 def plan_document(planned: Plan, wanted: Mapping[str, float] = MappingProxyType({})) -> PlanDocument:
     """The content of plan.json; what is not known is null.
 
-    Parameters
-    ----------
-    planned
-        The proposals.
-    wanted
-        Standard errors by the name of the value that is to be known so well, in its unit.
+    ``wanted`` holds standard errors by the name of the value that is to be known so well, in its unit.
     """
     return PlanDocument(
         precision=[

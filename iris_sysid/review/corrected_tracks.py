@@ -38,13 +38,7 @@ Whole = NDArray[np.integer[Any]]  # rows, or numbers of frames
 
 
 def corrected(tracks: Tracks, edit: Edit) -> Tracks:
-    """The tracks after an edit; as they are where it is not about tracks.
-
-    Raises
-    ------
-    DataError
-        When there is no such body or frame.
-    """
+    """The tracks after an edit; as they are where it is not about tracks. DataError where it names no body or frame."""
     match edit:
         case Place():
             return _placed(tracks, edit)

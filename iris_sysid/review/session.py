@@ -135,25 +135,10 @@ class Session:
             self.saved_version = self.version
 
     def change(self, what: str, version: int, edit: Edit | None = None) -> int:
-        """Make an edit, an undo or a redo, once it is in the log; gives the new version.
+        """Make an edit, an ``undo`` or a ``redo``, once it is in the log; gives the new version.
 
-        Parameters
-        ----------
-        what
-            ``edit``, ``undo`` or ``redo``.
-        version
-            The version that the person saw.
-        edit
-            The edit, where it is one.
-
-        Raises
-        ------
-        BehindError
-            When there is a later version.
-        ReplacedError
-            When the clip was replaced.
-        IrisError
-            When the edit cannot be made, or the log cannot be written; nothing has changed then.
+        ``version`` is the one that the person saw: BehindError when there is a later one, ReplacedError when the clip
+        was replaced, IrisError when the edit cannot be made, or the log cannot be written; nothing has changed then.
         """
         if isinstance(edit, Tracked):
             raise DataError("tracks come from the tracker: ask for tracking instead")
@@ -178,12 +163,7 @@ class Session:
     def jpeg(self, number: int, width: int | None = None) -> bytes:
         """The frame of that ``number`` as JPEG, at most ``width`` px wide.
 
-        Raises
-        ------
-        VideoError
-            When there is no such frame.
-        ReplacedError
-            When the clip was replaced.
+        VideoError when there is no such frame, ReplacedError when the clip was replaced.
         """
         self.check_clip()
         return self.frames.jpeg(number, width)
@@ -368,12 +348,7 @@ class Session:
 def marked_all(options: TrackOptions, tracks: Sequence[Track]) -> TrackOptions:
     """The options with every body marked where some are, as the tracker needs it.
 
-    Parameters
-    ----------
-    options
-        With the marks that a person made.
-    tracks
-        The other bodies are marked where these have them, in the frame nearest to the first mark.
+    The other bodies are marked where the tracks have them, in the frame nearest to the first mark.
     """
     named = {mark.body for mark in options.marks}
     others = [track for track in tracks if track.body not in named and track.n_valid]
@@ -389,10 +364,7 @@ def marked_all(options: TrackOptions, tracks: Sequence[Track]) -> TrackOptions:
 def followed(video: Video, request: ReviewRequest, options: TrackOptions) -> list[Track]:
     """The tracks of a request: what is to be ignored is followed like a body, and then left out.
 
-    Raises
-    ------
-    TrackingError
-        When the bodies cannot be followed, or only what is to be ignored is found.
+    TrackingError when the bodies cannot be followed, or only what is to be ignored is found.
     """
     hands = _with_names(request.ignored)
     if not hands:

@@ -31,26 +31,10 @@ Finder = Callable[[Clips], list[str]]
 def parameters_document(
     measurements: Measurements, measured: MeasuredDocument | None = None, effects: Finder | None = None
 ) -> ParametersDocument:
-    """Pool the clips of each setting, with direct measurements beside them.
+    """Pool the clips of each setting, with the values ``measured`` by hand beside them; the same input gives the same.
 
-    Parameters
-    ----------
-    measurements
-        Of the clips.
-    measured
-        Direct measurements.
-    effects
-        Gives sentences on the effects missing from the published equation on the clips of one setting.
-
-    Returns
-    -------
-    ParametersDocument
-        Checked; the same input gives the same document.
-
-    Raises
-    ------
-    DataError
-        When two classes would have the same name, or a direct value has another unit than the fitted one.
+    ``effects`` gives sentences on the effects missing from the published equation on the clips of one setting.
+    DataError when two classes would have the same name, or a direct value has another unit than the fitted one.
     """
     measured = measured or MeasuredDocument()
     classes = dict.fromkeys(clip.clip.class_name for clip in measurements.clips)

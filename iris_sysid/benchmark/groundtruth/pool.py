@@ -65,20 +65,10 @@ def in_published_unit(estimate: Estimate) -> tuple[Estimate, float]:
 
 
 def regenerate(clips: Sequence[ClipMeasurement], parameter: str) -> RegeneratedValue | None:
-    """Pool the estimates of one parameter over the clips of a setting.
+    """Pool the estimates of one parameter, by our name, over the clips of a setting; None when there is no clip.
 
-    Parameters
-    ----------
-    clips
-        Of one setting.
-    parameter
-        Our name.
-
-    Returns
-    -------
-    RegeneratedValue or None
-        From the clips that the equation fits to within the noise; where it fits none, from all clips with a value.
-        None when there is no clip. ``measurement_type`` marks values that are assumed or measured by hand.
+    They are those of the clips that the equation fits to within the noise; where it fits none, of all clips with a
+    value. ``measurement_type`` marks values that are assumed or measured by hand.
     """
     values = [_value_of(clip, parameter) for clip in clips]
     known = [value for value in values if value is not None]
