@@ -5,8 +5,6 @@ Each function returns a matplotlib ``Figure``; none shows or saves it.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -67,17 +65,14 @@ def view_figure(fitted: FittedView, image: NDArray[np.uint8]) -> Figure:
     return figure
 
 
-def grid_figure(calibration: Calibration, image: NDArray[np.uint8], *, step_m: float | None = None) -> Figure:
+def grid_figure(calibration: Calibration, image: NDArray[np.uint8]) -> Figure:
     """The world's grid over a frame of the clip: lines of equal x and z, bent as the lens bends them.
 
-    The image is grey (h, w) or BGR (h, w, 3), in grey levels. Lines are ``step_m`` apart, by default a round number of
-    about a twelfth of the image; CalibrationError when it is not positive. The origin is marked, and the scale stated
-    at the position where it was calibrated.
+    The image is grey (h, w) or BGR (h, w, 3), in grey levels. Lines are a round number apart, about a
+    twelfth of the image. The origin is marked, and the scale stated at the position where it was calibrated.
     """
     size = image.shape[1], image.shape[0]
-    step = round_step(size[0] / calibration.scale.value / LINES) if step_m is None else step_m
-    if not (math.isfinite(step) and step > 0):
-        raise CalibrationError(f"the grid's step must be above zero, not {step:g} m")
+    step = round_step(size[0] / calibration.scale.value / LINES)
     figure = Figure(figsize=(10, 10 * size[1] / size[0] + 0.6), layout="constrained")
     axes = figure.subplots()
     _show(axes, image)

@@ -201,7 +201,7 @@ def _images_of(sources: Sequence[Path]) -> list[Path]:
 
 def _views(clip: Video | None, paths: Sequence[Path], board: Board, progress: Progress | None) -> Views:
     if clip is not None:
-        chosen = choose_frames(clip, board, progress=progress)
+        chosen = choose_frames(clip, board, progress)
         return Views(chosen.views, (chosen.summary,), {}, chosen.seen_px)
     search = find_boards(paths, board, progress=progress)
     return Views(search.views, tuple(f"no view: {reason}" for reason in search.missing.values()), search.missing)

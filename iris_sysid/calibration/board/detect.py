@@ -192,7 +192,6 @@ def _fitted(grey: NDArray[np.uint8], rough: FoundCorners, board: Board, name: st
         ids=ids[kept],
         corners_px=saddles.xy_px[kept],
         stderr_px=saddles.stderr_px[kept],
-        square_px=square_px,
         blur_px=float(np.median(saddles.blur_px[kept])),
         oriented=oriented,
     )
