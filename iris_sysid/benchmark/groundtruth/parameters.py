@@ -12,7 +12,7 @@ from iris_sysid.benchmark.groundtruth.pool import in_published_unit, regenerate
 from iris_sysid.errors import DataError
 from iris_sysid.io.files import origin_of
 from iris_sysid.io.json_documents import plain_origin
-from iris_sysid.io.schemas import Number, known_number, known_numbers, number
+from iris_sysid.io.schemas import Number, number
 from iris_sysid.io.schemas.groundtruth import (
     MeasuredDocument,
     ParameterEntry,
@@ -122,8 +122,8 @@ def _stated(estimate: Estimate) -> ValueEntry:
         value=estimate.value,
         standard_uncertainty=estimate.stderr,
         expanded_uncertainty=half,
-        coverage_factor=known_number(half / estimate.stderr) if estimate.stderr > 0 else None,
-        interval=known_numbers(estimate.interval),
+        coverage_factor=half / estimate.stderr if estimate.stderr > 0 else None,
+        interval=estimate.interval,
         unit=estimate.unit,
         measurement_type=estimate.measurement_type,  # type: ignore[arg-type]  # checked here
         source=estimate.source,

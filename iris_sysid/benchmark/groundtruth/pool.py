@@ -12,7 +12,6 @@ import numpy as np
 from fitters.noise.random_effects import MIN_CLIPS, random_effects
 from iris_sysid.benchmark.groundtruth.measure import ClipMeasurement
 from iris_sysid.calibration.pixel_scale import is_common_source
-from iris_sysid.io.schemas import known_number, known_numbers
 from iris_sysid.io.schemas.groundtruth import ClipDocument, ClipValue, RegeneratedValue
 from iris_sysid.trajectory.systematic_errors import AXIS, EDGE, TIME_BASE
 from iris_sysid.types import NORMAL_975, Estimate, Population, student_ppf
@@ -118,10 +117,10 @@ def _shown(clip_value: _Value, used: bool) -> ClipValue:
     origin = clip_value.document.origin
     sha256 = origin.get("sha256")
     return ClipValue(
-        value=known_number(clip_value.estimate.value),
-        standard_uncertainty=known_number(clip_value.estimate.stderr),
-        random=known_number(clip_value.random),
-        interval=known_numbers(clip_value.estimate.interval),
+        value=clip_value.estimate.value,
+        standard_uncertainty=clip_value.estimate.stderr,
+        random=clip_value.random,
+        interval=clip_value.estimate.interval,
         status=clip_value.document.status,
         message=clip_value.why_not or clip_value.document.message,
         used=used,
