@@ -77,15 +77,9 @@ class Registry(Mapping[str, Item], Generic[Item]):
     def named(self, text: str) -> Item:
         """The item that a user names: a registered name, or ``FILE.py:NAME``, which runs the file as Python would.
 
-        Pass only text that the user typed or a plugin states; names out of data files are looked up with ``[]``,
-        which runs no file but those of the installation.
-
-        Raises
-        ------
-        DataError
-            When the file is not there, fails, or holds no such item.
-        UnknownNameError
-            When no item is registered under the name.
+        Pass only text that the user typed or a plugin states; names out of data files are looked up with ``[]``, which
+        runs no file but those of the installation. DataError when the file is not there, fails, or holds no such item,
+        UnknownNameError when no item is registered under the name.
         """
         path, separator, name = text.rpartition(":")
         if not separator or not path.endswith(".py"):
@@ -103,15 +97,7 @@ class Registry(Mapping[str, Item], Generic[Item]):
         raise DataError(f"{name!r} {reason} in {file}; items of type {wanted} in it: {', '.join(names) or 'none'}")
 
     def resolved(self, item: str | Item) -> Item:
-        """The item itself, or the one that a name stands for; see :meth:`named`.
-
-        Raises
-        ------
-        DataError
-            When it is neither a name nor an item of this kind.
-        UnknownNameError
-            When no item is registered under the name.
-        """
+        """The item itself, or the one that a name stands for as of :meth:`named`; DataError for anything else."""
         if isinstance(item, str):
             return self.named(item)
         if isinstance(item, self.item_type):

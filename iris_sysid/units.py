@@ -162,10 +162,7 @@ def parse_numbers(text: str, names: str) -> tuple[float, ...]:
 def parse_scale(text: str) -> tuple[Measure, Measure]:
     """Read ``640px=1m``, in either order: the length in px, and the same length in m.
 
-    Raises
-    ------
-    DataError
-        When it cannot be read, or does not state one length in px and one in m, cm or mm.
+    DataError when it cannot be read, or does not state one length in px and one in m, cm or mm.
     """
     sides = [parse_measure(side, ("px", *LENGTHS), SCALE_EXAMPLE) for side in text.split("=")]
     if sorted(side.unit for side in sides) != ["m", "px"]:

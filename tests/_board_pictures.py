@@ -3,11 +3,11 @@
 import cv2
 import numpy as np
 
-from iris_sysid.calibration.board.board import Board, BoardView, shortest_side
+from iris_sysid.calibration.board.board import Board, BoardView
 from iris_sysid.calibration.board.plane_pose import _homography
 from iris_sysid.calibration.bundle_adjustment import matrix_of, projected
 from iris_sysid.calibration.distortion import undistort_px
-from iris_sysid.calibration.homography import apply_homography, fit_homography, homography_slopes
+from iris_sysid.calibration.homography import apply_homography, homography_slopes
 from iris_sysid.calibration.plane import UNKNOWN_SCALE, to_plane, with_scale
 from iris_sysid.calibration.vertical import upright
 from iris_sysid.types import N_VALUES, Calibration
@@ -45,10 +45,8 @@ def corners(pose, board=BOARD, camera=PHONE):
 def view_of_corners(corners_px, image_size, board, *, name="corners", oriented=True):
     """A view from corners (columns * rows, 2) px in the board's order, NaN where one was not seen."""
     seen = np.isfinite(corners_px).all(axis=1)
-    homography, _ = fit_homography(board.points_m[seen], corners_px[seen])
-    side_px = shortest_side(apply_homography(homography, board.points_m), board)
     unknown = np.full(int(seen.sum()), np.nan)
-    return BoardView(name, image_size, np.flatnonzero(seen), corners_px[seen], unknown, side_px, np.nan, oriented)
+    return BoardView(name, image_size, np.flatnonzero(seen), corners_px[seen], unknown, np.nan, oriented)
 
 
 def simulated(pose, noise_px, rng, *, board=BOARD, camera=PHONE, size=SIZE, name="corners"):

@@ -111,17 +111,7 @@ def _hashes(files: Mapping[str, Path]) -> list[dict[str, Any]]:
 
 
 def manifest_of(inputs: Inputs, rows: pd.DataFrame, options: Mapping[str, Any]) -> dict[str, Any]:
-    """The origin of the rows: hashes of the files, options, versions, and the clips of each table.
-
-    Parameters
-    ----------
-    inputs
-        The files.
-    rows
-        All flat rows.
-    options
-        Other settings that the result depends on.
-    """
+    """The origin of the rows: hashes of the files, the other options, versions, and the clips of each table."""
     return {
         "document": DOCUMENT,
         "version": 1,

@@ -97,11 +97,6 @@ def render_dataset(
     progress
         Called with (clips done, total number of clips).
 
-    Returns
-    -------
-    Dataset
-        The clips written now and the clips kept.
-
     Raises
     ------
     UnknownNameError

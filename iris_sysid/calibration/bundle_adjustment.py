@@ -246,11 +246,6 @@ def information_of(parameters: Array, poses: Array, views: Sequence[Points], fre
         Their corners.
     free
         Which parameters are fitted (9, p).
-
-    Returns
-    -------
-    CameraFit
-        At these values, fitted or not.
     """
     residuals, information, gradients = [], [], []
     for pose, points in zip(poses, views, strict=True):
@@ -280,11 +275,6 @@ def fit_camera(views: Sequence[Points], image_size: tuple[int, int], lens: Seque
         (width, height) px.
     lens
         Names of the distortion coefficients that are fitted; the others are zero.
-
-    Returns
-    -------
-    CameraFit
-        At the least squares.
 
     Raises
     ------

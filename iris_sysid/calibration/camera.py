@@ -49,14 +49,12 @@ class FittedView:
     """One view in a calibration: its corners and what the fitted camera leaves of them.
 
     ``residual_px`` (n, 2) is seen - predicted; ``rms_px`` the root mean square distance, as OpenCV's per-view error.
-    ``rotation`` (vector) and ``translation_m`` take the board to the camera. ``left_out`` says why a view was not used.
+    ``left_out`` says why a view was not used.
     """
 
     view: BoardView
     residual_px: Array
     rms_px: float
-    rotation: Array
-    translation_m: Array
     left_out: str = ""
 
 
@@ -326,16 +324,11 @@ def fitted_view(parameters: Array, view: BoardView, board: Board, left_out: str 
         What was seen, and of what.
     left_out
         Why the camera was not fitted to it, empty where it was.
-
-    Returns
-    -------
-    FittedView
-        With its residuals.
     """
     points = Points(view.points_m(board), np.asarray(view.corners_px))
     pose = pose_of(parameters, points)
     residual = points.seen_px - projected(parameters, pose, points.board_m)[0]
-    return FittedView(view, residual, rms_of(residual), pose[:3], pose[3:], left_out)
+    return FittedView(view, residual, rms_of(residual), left_out)
 
 
 def _notes(fit: CameraFit, image_size: tuple[int, int], coverage: float) -> tuple[str, ...]:

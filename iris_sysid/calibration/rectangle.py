@@ -22,7 +22,6 @@ def plane_from_rectangle(
     corner_stderr_px: float = 0.5,
     width_stderr_m: float = 0.0,
     height_stderr_m: float = 0.0,
-    image_size: tuple[int, int] | None = None,
 ) -> Calibration:
     """Calibrate by four marked corners of a rectangle that lies in the plane of motion.
 
@@ -39,8 +38,6 @@ def plane_from_rectangle(
         Standard error of each marked coordinate, px.
     width_stderr_m, height_stderr_m
         Standard errors of the sides, m.
-    image_size
-        (width, height) of the image, px.
 
     Returns
     -------
@@ -84,7 +81,6 @@ def plane_from_rectangle(
                 "width": np.outer(relative[:, 0], relative[:, 0]),
                 "height": np.outer(relative[:, 1], relative[:, 1]),
             },
-            image_size=image_size,
             centre_px=(float(corners_px[:, 0].mean()), float(corners_px[:, 1].mean())),
             fixed=("scale", "tilt"),
             assumed=(NO_LENS,),

@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-
-import numpy as np
-from numpy.typing import NDArray
 
 from iris_sysid.calibration.board.board import Board
 from iris_sysid.calibration.board.calibrate import (
@@ -19,7 +16,6 @@ from iris_sysid.calibration.board.calibrate import (
 from iris_sysid.calibration.camera import CameraCalibration
 from iris_sysid.calibration.plane import check_image_size
 from iris_sysid.calibration.vertical import with_plumb_line
-from iris_sysid.types import Calibration
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,34 +36,13 @@ class CalibrationRequest:
     clip: Path | None = None
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class CalibratedPlane:
-    """The ``calibration``, the views of the ``board`` that it comes from, and an ``image`` (h, w) uint8."""
+def calibrate_plane(
+    request: CalibrationRequest, progress: Callable[[int, int], None] | None = None
+) -> BoardCalibration:
+    """Calibrate the plane of motion as requested, with the vertical by the plumb line where one is given.
 
-    calibration: Calibration
-    board: BoardCalibration
-    image: NDArray[np.uint8]
-
-
-def calibrate_plane(request: CalibrationRequest, progress: Callable[[int, int], None] | None = None) -> CalibratedPlane:
-    """Calibrate the plane of motion as requested.
-
-    Parameters
-    ----------
-    request
-        The images, and what is known about them.
-    progress
-        Called with (images or frames done, expected).
-
-    Returns
-    -------
-    CalibratedPlane
-        With the vertical by the plumb line, where one is given.
-
-    Raises
-    ------
-    CalibrationError
-        When the request does not fix metres per pixel, or does not belong to the clip that will be measured.
+    ``progress`` is called with (images or frames done, expected). Raises CalibrationError where the request does not
+    fix metres per pixel, or does not belong to the clip that will be measured.
     """
     board = calibrate_board(
         request.sources,
@@ -77,10 +52,10 @@ def calibrate_plane(request: CalibrationRequest, progress: Callable[[int, int], 
         one_image=request.one_image,
         progress=progress,
     )
-    calibration, image = board.calibration, board.image
+    calibration, over = board.calibration, None
     if request.clip is not None:
-        image = first_image([request.clip])
-        check_image_size(calibration.image_size, (image.shape[1], image.shape[0]))
+        over = first_image([request.clip])
+        check_image_size(calibration.image_size, (over.shape[1], over.shape[0]))
     if request.plumb_px is not None:
         calibration = with_plumb_line(calibration, request.plumb_px[:2], request.plumb_px[2:])
-    return CalibratedPlane(calibration, board, image)
+    return replace(board, calibration=calibration, over=over)

@@ -87,11 +87,6 @@ def with_vertical(
         Standard error of the angle by its own measurement, rad.
     source
         How the vertical was determined.
-
-    Returns
-    -------
-    Calibration
-        Its budget has the part ``vertical``.
     """
     turned = _turned_by(calibration, angle_of)
     spin = _spin(turned.homography)
@@ -103,19 +98,9 @@ def with_vertical(
 
 
 def with_assumed_vertical(calibration: Calibration, angle_stderr: float) -> Calibration:
-    """Add the uncertainty of an assumed vertical to a calibration's budget.
+    """Add the standard uncertainty of an assumed vertical, rad, to a calibration's budget, as ``assumed vertical``.
 
-    Parameters
-    ----------
-    calibration
-        Of the plane.
-    angle_stderr
-        Standard uncertainty of the direction, rad.
-
-    Returns
-    -------
-    Calibration
-        Its budget has the part ``assumed vertical``; unchanged where the vertical was measured.
+    A calibration whose vertical was measured is unchanged.
     """
     if calibration.vertical_measured:
         return calibration

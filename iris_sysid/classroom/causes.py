@@ -140,17 +140,10 @@ def _offset(own: float, stderr: float, others: Sequence[float], floor: float) ->
 
 
 def causes_of(group: GroupDocument, every: Sequence[GroupDocument], outlying: bool) -> tuple[Cause, ...]:
-    """The faults that evidence shows in one group; empty where none is shown.
+    """The faults that evidence shows in one group, beside ``every`` group of the class; empty where none is shown.
 
-    Parameters
-    ----------
-    group
-        What it measured.
-    every
-        What all groups of the class measured, this one included.
-    outlying
-        Whether its value stands out: then faults are named that do not count where the value agrees, such as a
-        track that is doubtful.
+    ``outlying`` says whether its value stands out: then faults are named that do not count where the value agrees, such
+    as a track that is doubtful.
     """
     if not group.usable:
         return _named(group) or (Cause("failed", "no value", group.message),)

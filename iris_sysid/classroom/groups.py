@@ -76,18 +76,9 @@ class Group:
 def sources_in(path: Path, column: str | None = None) -> list[Source]:
     """The files of all groups, in the order of their names; numbers count as numbers.
 
-    Parameters
-    ----------
-    path
-        A folder with a clip, a table, or a folder of ``iris-sysid run`` for each group; or one table with a column that
-        names the groups.
-    column
-        Title of that column, where it is not called group, team, id or the like.
-
-    Raises
-    ------
-    DataError
-        When there is no group, two have one name, or there are more than a thousand.
+    The path is a folder with a clip, a table, or a folder of ``iris-sysid run`` for each group; or one table with a
+    column that names the groups: ``column`` is its title, where it is not called group, team, id or the like. DataError
+    when there is no group, two have one name, or there are more than a thousand.
     """
     if path.is_dir():
         found = list(_files_in(path))

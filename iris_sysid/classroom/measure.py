@@ -15,7 +15,6 @@ from fitters.positions import fit_positions, phenomenon_of
 from iris_sysid.calibration.pixel_scale import uncalibrated
 from iris_sysid.classroom.evidence import CAPTURE, diameter_of, evidence_of
 from iris_sysid.classroom.groups import Group
-from iris_sysid.classroom.table_page import write_table_page
 from iris_sysid.errors import DataError, IrisError, OutputError, TrackingError
 from iris_sysid.io.csv_cells import is_own_table
 from iris_sysid.io.csv_read import read_track, read_trajectory
@@ -39,6 +38,7 @@ from iris_sysid.pipeline.one_clip import (
 )
 from iris_sysid.pipeline.parallel import Workers, check_workers, run_parallel
 from iris_sysid.registry import MODELS
+from iris_sysid.report.clip_page import table_page, write_page
 from iris_sysid.trajectory.consistency.capture_rate import STATED
 from iris_sysid.types import Calibration, Estimate, FitResult, Progress, Track, Trajectory, with_progress
 from iris_sysid.video.empty_track import unfollowed
@@ -219,7 +219,8 @@ def _of_a_table(group: Group, folder: Path) -> Measured:
     measured = _fitted_track(group) if _is_track(group) else _fitted_table(group)
     write_trajectory(measured.trajectory, folder / TRAJECTORY, overwrite=True)
     write_fit(measured.fit, measured.trajectory, folder / FIT, overwrite=True)
-    write_table_page(group.name, group.source.path.name, measured.trajectory, measured.fit, folder)
+    page = table_page(f"{group.name}: {group.source.path.name}", measured.trajectory, measured.fit)
+    write_page(page, folder, overwrite=True)
     return measured
 
 

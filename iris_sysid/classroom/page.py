@@ -49,11 +49,6 @@ def write_page(
     overwrite
         Replace a file that exists.
 
-    Returns
-    -------
-    Path
-        The path as given.
-
     Raises
     ------
     OutputError

@@ -26,18 +26,6 @@ def class_figure(result: ClassResult, width_in: float = WIDTH_IN) -> Figure:
     """Draw the value of every group with its 95 % interval, one below the other.
 
     A value that is so far off that the others would be one point is an arrow at the edge, with its number.
-
-    Parameters
-    ----------
-    result
-        The class.
-    width_in
-        Of the figure, inches.
-
-    Returns
-    -------
-    Figure
-        As high as there are groups.
     """
     shown = [group for group in (*result.groups, *([result.teacher] if result.teacher else [])) if group.value]
     figure = Figure(figsize=(width_in, max(MIN_IN, ROW_IN * len(shown) + 1.0)), layout="constrained")

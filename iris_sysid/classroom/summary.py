@@ -144,11 +144,6 @@ def summary_of(
     teacher
         What the teacher measured, and the page; it is in no mean.
 
-    Returns
-    -------
-    ClassResult
-        With one result a group, in the order given.
-
     Raises
     ------
     DataError

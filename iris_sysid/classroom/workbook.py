@@ -27,24 +27,7 @@ Row = Sequence[Any]
 def write_workbook(result: ClassResult, path: str | Path, *, overwrite: bool = False) -> Path:
     """Write the groups and the means of a class as .xlsx; values are in SI units, which the headers name.
 
-    Parameters
-    ----------
-    result
-        The class.
-    path
-        File to write.
-    overwrite
-        Replace a file that exists.
-
-    Returns
-    -------
-    Path
-        The path as given.
-
-    Raises
-    ------
-    OutputError
-        When the file exists or cannot be written.
+    OutputError when the file exists, unless ``overwrite`` allows that, or cannot be written.
     """
     buffer = io.BytesIO()
     book = xlsxwriter.Workbook(buffer, PLAIN)

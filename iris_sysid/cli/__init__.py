@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import importlib
 import sys
-from collections.abc import Iterator, MutableMapping
+from collections.abc import Iterator, Mapping
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_args, get_origin, get_type_hints
 
@@ -81,22 +82,11 @@ INTERRUPTED = 130  # exit status after Ctrl-C, as shells have it
 HELP = {"help_option_names": ["-h", "--help"]}
 
 
-class _Loaded(MutableMapping[str, "Command"]):
+class _Commands(Mapping[str, "Command"]):
     """The commands by name; each is imported when it is looked up."""
 
-    def __init__(self) -> None:
-        self._commands: dict[str, Command] = {}
-
     def __getitem__(self, name: str) -> Command:
-        if name not in self._commands:
-            self._commands[name] = _command(name)
-        return self._commands[name]
-
-    def __setitem__(self, name: str, command: Command) -> None:
-        self._commands[name] = command
-
-    def __delitem__(self, name: str) -> None:
-        del self._commands[name]
+        return _command(name)
 
     def __iter__(self) -> Iterator[str]:
         return iter(COMMANDS)
@@ -105,6 +95,7 @@ class _Loaded(MutableMapping[str, "Command"]):
         return len(COMMANDS)
 
 
+@cache
 def _command(name: str) -> Command:
     module, _ = COMMANDS[name]
     function = getattr(importlib.import_module(f"iris_sysid.cli.{module}"), module)
@@ -131,15 +122,7 @@ class _Group(TyperGroup):
 
     def __init__(self, **attributes: Any) -> None:
         super().__init__(**attributes)
-        self.commands = _Loaded()
-
-    def list_commands(self, ctx: Context) -> list[str]:
-        """The names in the order of the help."""
-        return list(COMMANDS)
-
-    def get_command(self, ctx: Context, cmd_name: str) -> Command | None:
-        """The command of that name; None where there is none."""
-        return self.commands[cmd_name] if cmd_name in COMMANDS else None
+        self.commands = _Commands()  # type: ignore[assignment]  # none is ever added
 
     def format_commands(self, ctx: Context, formatter: HelpFormatter) -> None:
         """Write one line per command, in groups."""

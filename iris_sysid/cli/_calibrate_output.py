@@ -6,9 +6,9 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
+from iris_sysid.calibration.board.calibrate import BoardCalibration
 from iris_sysid.calibration.calibration_json import calibration_document, write_calibration
 from iris_sysid.calibration.plane import local_geometry
-from iris_sysid.calibration.request import CalibratedPlane
 from iris_sysid.calibration.vertical import assumptions, fixed_by_data
 from iris_sysid.io.files import write_atomic
 from iris_sysid.io.json_documents import document_text
@@ -26,7 +26,7 @@ def plot_paths(output: Path) -> tuple[Path, ...]:
     return tuple(output.with_name(f"{output.stem}-{name}.png") for name in DRAWINGS)
 
 
-def save(plane: CalibratedPlane, output: Path, *, plot: bool = False, overwrite: bool = False) -> list[Path]:
+def save(plane: BoardCalibration, output: Path, *, plot: bool = False, overwrite: bool = False) -> list[Path]:
     """Write calibration.json and, with ``plot``, drawings beside it: corners, residuals, the grid; their paths."""
     figures = _figures(plane) if plot else {}
     write_calibration(plane.calibration, output, overwrite=overwrite)
@@ -36,14 +36,14 @@ def save(plane: CalibratedPlane, output: Path, *, plot: bool = False, overwrite:
     return [paths[name] for name in figures]
 
 
-def _figures(plane: CalibratedPlane) -> dict[str, Figure]:
+def _figures(plane: BoardCalibration) -> dict[str, Figure]:
     figures: dict[str, Figure] = {}
-    camera = plane.board.camera
+    camera = plane.camera
     if camera is not None and camera.views:
         figures["camera"] = camera_figure(camera)
-    if plane.board.fitted is not None:
-        figures["board"] = view_figure(plane.board.fitted, plane.board.image)
-    figures["grid"] = grid_figure(plane.calibration, plane.image)
+    if plane.fitted is not None:
+        figures["board"] = view_figure(plane.fitted, plane.image)
+    figures["grid"] = grid_figure(plane.calibration, plane.image if plane.over is None else plane.over)
     return figures
 
 

@@ -24,17 +24,7 @@ def _beginning(names: Iterable[str], incomplete: str) -> list[str]:
 
 
 def registered(registry: str, *others: str, ending: str = "") -> Callable[[str], list[str]]:
-    """A completion of the names in a registry of :mod:`iris_sysid.registry`, each with an ending, and of others.
-
-    Parameters
-    ----------
-    registry
-        Its name there.
-    *others
-        Further words.
-    ending
-        What follows each registered name.
-    """
+    """A completion of the names in a registry of :mod:`iris_sysid.registry`, each with an ending, and other words."""
 
     def complete(incomplete: str) -> list[str]:
         from iris_sysid import registry as registries

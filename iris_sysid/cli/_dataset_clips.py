@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from iris_sysid.benchmark.dataset_clips import clips_of_dataset
 from iris_sysid.benchmark.groundtruth.direct import with_board
+from iris_sysid.benchmark.groundtruth.measure import Conditions, measure
 from iris_sysid.cli import _parsing, _terminal
 from iris_sysid.errors import DataError
 from iris_sysid.io.schemas.groundtruth import MeasuredDocument
@@ -22,36 +22,30 @@ def measured_clips(
     trials: int | None,
     workers: int | str,
 ) -> list[Trajectory]:
-    """Measure the clips of one phenomenon of a data set, once, and read their trajectories.
+    """Measure the clips of one phenomenon that were not measured before, and read the fitted trajectory of each.
 
-    Parameters
-    ----------
-    folder
-        The data set.
-    phenomenon
-        As typed; without one there is a DataError.
-    work
-        Folder of the measurements.
-    corners, square
-        Of the data set's checkerboards, as typed; None where not.
-    trials
-        At most this many clips of each setting; None for all.
-    workers
-        Number of parallel processes, or the address or file of a scheduler.
+    ``work`` is the folder of the measurements; ``corners`` and ``square`` are those of the data set's checkerboards, as
+    typed. At most ``trials`` clips of each setting are measured. DataError where no phenomenon is stated, or none of
+    its clips could be fitted.
     """
     if phenomenon is None:
         raise DataError(f"{folder} is a data set: choose its clips, e.g. --phenomenon pendulum")
     board = MeasuredDocument()
     if corners is not None or square is not None:
         board = with_board(board, _parsing.board(corners, square))
-    with _terminal.progress("measuring clips") as report_progress:
-        return clips_of_dataset(
+    conditions = Conditions(trials=trials, phenomenon=phenomenon)
+    with _terminal.progress("measuring clips") as show:
+        done = measure(
             folder,
-            phenomenon,
             work,
-            board=board,
-            trials=trials,
+            measured=board,
+            conditions=conditions,
             workers=workers,
+            progress=show,
             tell=_terminal.tell,
-            progress=report_progress,
         )
+    trajectories = [clip.trajectory() for clip in done.clips if clip.document.usable]
+    usable = [trajectory for trajectory in trajectories if trajectory is not None]
+    if not usable:
+        raise DataError(f"{folder} has no clip of {phenomenon} that could be fitted; {len(done.clips)} were tried")
+    return usable

@@ -14,15 +14,8 @@ from typer.models import OptionInfo
 def with_groups(command: Callable[..., None]) -> Callable[..., None]:
     """Give a command an option for each field of its parameters that are dataclasses.
 
-    Parameters
-    ----------
-    command
-        Parameters annotated with a dataclass are groups; every field has a default and a typer annotation.
-
-    Returns
-    -------
-    callable
-        With one keyword per option, which typer reads; it calls the command with the groups filled in.
+    Every field has a default and a typer annotation. The function returned has one keyword per option, which typer
+    reads; it calls the command with the groups filled in.
     """
     hints = get_type_hints(command, include_extras=True)
     groups = {name: kind for name, kind in hints.items() if is_dataclass(kind) and isinstance(kind, type)}

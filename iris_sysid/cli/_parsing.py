@@ -248,19 +248,7 @@ def calibration_of(
 ) -> tuple[Estimate | None, Calibration | None]:
     """Read ``--scale``, ``--scale-bar`` and ``--calibration``: gravity, which then gives the scale, or a calibration.
 
-    Parameters
-    ----------
-    scale
-        ``640px=1m``, or ``gravity=9.79``.
-    scale_bar
-        ``x1,y1,x2,y2=0.84m``.
-    file
-        calibration.json, or a ``.trk`` or ``.trz`` file of Open Source Physics Tracker.
-
-    Raises
-    ------
-    CalibrationError
-        When several are given, or one cannot be read.
+    CalibrationError when several are given, or one cannot be read.
     """
     from iris_sysid.calibration.pixel_scale import scale_bar_from_text, scale_from_text
 

@@ -188,14 +188,7 @@ def suggest(*arguments: object, json: bool = False) -> None:
 def by_hand(output: Path, source: Path, *options: object) -> Iterator[None]:
     """Have the message of a clip that no tracker follows end in the command that follows it by hand.
 
-    Parameters
-    ----------
-    output
-        Folder for the review; where it holds results of another run, one in it.
-    source
-        The clip.
-    *options
-        As typed.
+    ``output`` is the folder for the review; where it holds results of another run, the review is in one below it.
     """
     try:
         yield

@@ -84,7 +84,6 @@ def render_demo(
     *,
     size: tuple[int, int] = (960, 540),
     seconds: float = 12.0,
-    seed: int = 7,
     progress: Callable[[int, int], None] | None = None,
     overwrite: bool = False,
 ) -> tuple[Path, Truth]:
@@ -99,7 +98,7 @@ def render_demo(
         size=size,
         fps=60.0,
         duration_s=seconds,
-        seed=seed,
+        seed=7,
         overrides={"theta_0": -1.0472, "damping": 0.04},
         progress=progress,
         overwrite=overwrite,

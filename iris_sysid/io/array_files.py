@@ -36,17 +36,8 @@ def is_array_file(data: bytes) -> bool:
 def array_columns(data: bytes, label: str) -> Columns:
     """The columns (n,) of the arrays in a file, or of the fields of its only one, by title; Ts or fs gives the times.
 
-    Parameters
-    ----------
-    data
-        The file's bytes.
-    label
-        Its name, for messages.
-
-    Raises
-    ------
-    DataError
-        When the file is damaged, of another version, unpacks to too much, or holds no columns of numbers.
+    ``data`` are the file's bytes, ``label`` is its name in messages. DataError when it is damaged, of another version,
+    unpacks to too much, or holds no columns of numbers.
     """
     if data.startswith(NUMPY):
         return _titled(_numpy_arrays(data, label), label)

@@ -27,17 +27,7 @@ def way_to(clip: Path, folder: Path) -> str:
 def places_of(folder: Path, recorded: str) -> list[Path]:
     """Where the clip of a folder may be: as recorded, as its ``clip.txt`` says, beside it, in it, or here.
 
-    Parameters
-    ----------
-    folder
-        With results of the clip.
-    recorded
-        Its name, or the way to it from the folder.
-
-    Returns
-    -------
-    list[Path]
-        The likeliest first; none of them need exist.
+    ``recorded`` is its name, or the way to it from the folder. The likeliest first; none of them need exist.
     """
     name = Path(recorded).name
     places = [folder / recorded, folder.parent / name, folder / name, Path(name)]

@@ -77,16 +77,9 @@ class Sheet:
         return column in self.columns
 
     def refuse(self, column: str, row: int, problem: str) -> NoReturn:
-        """Raise the DataError that says where a cell is and what is wrong with it.
+        """Raise the DataError that says where a cell is, by column and row of data from 0, and what is wrong with it.
 
-        Parameters
-        ----------
-        column
-            Header of its column.
-        row
-            Its row of data, from 0.
-        problem
-            What is wrong, to be put behind the cell's text.
+        The problem is put behind the cell's text.
         """
         cell = f"{self.columns[column][row].strip()!r:.44}"
         raise DataError(f"{self.label} line {self.lines[row]}, column {column}: {cell} {problem}")

@@ -13,7 +13,7 @@ import numpy as np
 from iris_sysid.errors import DataError
 from iris_sysid.io.csv_cells import Sheet, is_own_table, read_sheet
 from iris_sysid.io.csv_columns import Column, Key, covariance_columns, parse_column
-from iris_sysid.io.dataframes import OPTIONAL_TRACK_COLUMNS, segment_labels
+from iris_sysid.io.dataframes import segment_labels
 from iris_sysid.io.files import origin_of, sha256_of
 from iris_sysid.io.formula_cells import unguarded
 from iris_sysid.io.group_column import names_groups, several_groups
@@ -24,6 +24,7 @@ from iris_sysid.io.table_cells import read_cells
 from iris_sysid.io.table_headers import example_of, parse_headers, titles_of
 from iris_sysid.types import (
     TRACK_MASKS,
+    TRACK_MEASURES,
     TRACK_SIGMAS,
     Array,
     Mask,
@@ -166,7 +167,7 @@ def _track_columns(sheet: Sheet) -> dict[str, Any]:
 def _track(sheet: Sheet, columns: Mapping[str, Any], body: str, rows: list[int], beside: Mapping[str, Any]) -> Track:
     own = {name: values[rows] for name, values in columns.items()}
     unknown = np.full(len(rows), np.nan)
-    optional = {name: own[name] for name in OPTIONAL_TRACK_COLUMNS if name in own and not np.isnan(own[name]).all()}
+    optional = {name: own[name] for name in TRACK_MEASURES if name in own and not np.isnan(own[name]).all()}
     for name in TRACK_MASKS:
         if name in own and not np.isnan(own[name]).all():
             optional[name] = own[name] == 1
@@ -256,21 +257,9 @@ def _refuse_groups(label: str, title: str, cells: Sequence[str]) -> None:
 
 
 def trajectory_of_sheet(sheet: Sheet, document: OriginDocument | None, origin: Mapping[str, Any]) -> Trajectory:
-    """The trajectory that the columns of a table hold.
+    """The trajectory that the columns of a table, under this project's names, and the file beside it hold.
 
-    Parameters
-    ----------
-    sheet
-        Its columns, under this project's names.
-    document
-        What the file beside the table states; None where there is none.
-    origin
-        Where the table comes from.
-
-    Raises
-    ------
-    DataError
-        When a column does not belong to a trajectory, or a cell does not hold what its column should.
+    DataError when a column does not belong to a trajectory, or a cell does not hold what its column should.
     """
     _require(sheet, ("t_s",), "a trajectory has t_s in s and a column such as theta_rad or x_m")
     columns = _columns(sheet)

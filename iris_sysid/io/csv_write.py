@@ -121,21 +121,9 @@ def write_trajectory(trajectory: Trajectory, path: str | Path, *, overwrite: boo
 
 
 def write_worlds(worlds: Mapping[str, Trajectory], path: str | Path, *, overwrite: bool = False) -> list[Path]:
-    """Write x and z of each body in the plane of motion, one CSV file each.
+    """Write x and z of each body in the plane of motion, one CSV file each, and return the paths.
 
-    Parameters
-    ----------
-    worlds
-        From :func:`iris_sysid.to_world`, by name of the body.
-    path
-        File to write; with several bodies their names are appended: ``world-1.csv``.
-    overwrite
-        Replace files that exist.
-
-    Returns
-    -------
-    list of Path
-        The files.
+    With several bodies their names are appended: ``world-1.csv``.
     """
     path = Path(path)
     alone = len(worlds) == 1

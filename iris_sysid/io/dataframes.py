@@ -12,12 +12,10 @@ import numpy as np
 
 from iris_sysid.errors import DataError
 from iris_sysid.io.csv_columns import column_of, covariance_columns, state_columns
-from iris_sysid.types import TRACK_SIGMAS, Array, FitResult, Segment, Smoothed, Track, Trajectory
+from iris_sysid.types import TRACK_MEASURES, TRACK_SIGMAS, Array, FitResult, Segment, Smoothed, Track, Trajectory
 
 if TYPE_CHECKING:
     import pandas as pd
-
-OPTIONAL_TRACK_COLUMNS = ("radius_px", "angle_rad", "intensity", "area_px", *TRACK_SIGMAS)
 
 
 def to_frame(box: Track | Sequence[Track] | Trajectory | FitResult) -> pd.DataFrame:
@@ -96,7 +94,7 @@ def _track_frame(tracks: Sequence[Track]) -> pd.DataFrame:
         "t_s": np.concatenate([track.t_s for track in tracks]),
         "body": np.repeat(np.array(names, dtype=object), [track.t_s.size for track in tracks]),
         **{name: np.concatenate([part[name] for part in map(_positions, tracks)]) for name in _positions(tracks[0])},
-        **{name: _joined(tracks, name) for name in OPTIONAL_TRACK_COLUMNS[:3]},
+        **{name: _joined(tracks, name) for name in TRACK_MEASURES[:3]},
         "valid": np.concatenate([track.valid for track in tracks]),
         "area_px": _joined(tracks, "area_px"),
         "hand": _joined_mask(tracks, "hand"),

@@ -86,26 +86,10 @@ def _check_target(path: str | Path, target: Path, *, overwrite: bool) -> None:
 
 
 def write_atomic(path: str | Path, content: str | bytes, *, overwrite: bool = False) -> Path:
-    """Write a whole file or nothing: to a temporary file beside it, flushed to disk, then renamed.
+    """Write a whole file or nothing: to a temporary file beside it, flushed to disk, then renamed; its path as given.
 
-    Parameters
-    ----------
-    path
-        Folders that are missing are made. A symbolic link is followed.
-    content
-        Text is written as UTF-8 with its line ends as they are.
-    overwrite
-        Replace a file that exists.
-
-    Returns
-    -------
-    Path
-        The path as given.
-
-    Raises
-    ------
-    OutputError
-        When the path exists, is a folder or cannot be written; the text says what to do.
+    Folders that are missing are made, a symbolic link is followed, text is written as UTF-8 with its line ends as they
+    are. OutputError when the path exists (``overwrite`` replaces a file), is a folder or cannot be written.
     """
     data = content.encode("utf-8", "replace") if isinstance(content, str) else content
     with atomic_path(path, overwrite=overwrite) as temporary:
@@ -238,22 +222,10 @@ def _sha256_of_folder(folder: Path) -> str:
 def origin_of(source: str | Path | None, options: Mapping[str, Any]) -> dict[str, Any]:
     """Record the origin of a result reproducibly: without time stamp and without the folders of this machine.
 
-    Parameters
-    ----------
-    source
-        File, or folder of images, that was read; None for data made in memory.
-    options
-        Everything else that the result depends on, a seed included; paths are kept as names only.
-
-    Returns
-    -------
-    dict
-        ``source`` (name), ``sha256``, ``options``, ``versions`` of the packages that compute, ``python``.
-
-    Raises
-    ------
-    DataError
-        When the source cannot be read, or an option cannot be written as JSON.
+    ``source`` is the file, or folder of images, that was read (None for data made in memory); ``options`` are
+    everything else that the result depends on, a seed included; paths are kept as names only. The record holds
+    ``source`` (name), ``sha256``, ``options``, ``versions`` of the packages that compute, ``python``. DataError when
+    the source cannot be read, or an option cannot be written as JSON.
     """
     return {
         "source": None if source is None else _plain(Path(source)),

@@ -23,14 +23,7 @@ from iris_sysid.types import Array, FitResult, ModelChoice, PooledFit, Trajector
 def pooled_document(pooled: PooledFit, tables: Sequence[str], trajectory: Trajectory) -> FitDocument:
     """The content of fit.json for several clips: shared values and means over clips are its parameters.
 
-    Parameters
-    ----------
-    pooled
-        The fit.
-    tables
-        Name of each clip's file.
-    trajectory
-        The first clip; its origin records the request.
+    ``tables`` names each clip's file; the origin of the first clip's trajectory records the request.
     """
     free = list(pooled.estimates)
     means = [population.mean.stderr**2 for population in pooled.population.values()]
@@ -107,12 +100,7 @@ def _overall(fits: Sequence[FitResult], name: str) -> float | None:
 def selection_document(choice: ModelChoice, origin: Trajectory) -> FitDocument:
     """The content of fit.json for a model chosen from the bank: the first of the ranking, and how it was chosen.
 
-    Parameters
-    ----------
-    choice
-        The ranking; its first fit must not have failed.
-    origin
-        The trajectory that was read; its origin records the request.
+    That fit must not have failed; the origin of the trajectory that was read records the request.
     """
     first = choice.nearest
     if first.fit is None:

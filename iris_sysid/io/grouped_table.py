@@ -18,17 +18,8 @@ from iris_sysid.types import Trajectory
 def groups_of_table(path: str | Path, column: str | None = None) -> tuple[str, tuple[str, ...]]:
     """The title of the column that names the groups, and the names in the order of their first rows.
 
-    Parameters
-    ----------
-    path
-        A table of any program; ``FILE.xlsx:SHEET`` names a sheet.
-    column
-        Its title; without one it is the column that is called group, team, id or the like.
-
-    Raises
-    ------
-    DataError
-        When there is no such column, or it does not name groups of rows.
+    Without a title it is the column that is called group, team, id or the like. DataError when there is no such column,
+    or it does not name groups of rows.
     """
     cells = read_cells(path)
     k = _group_column(cells, titles_of(cells), column)

@@ -59,27 +59,7 @@ def document_text(document: Document) -> str:
 
 
 def write_document(document: Document, path: str | Path, *, overwrite: bool = False) -> Path:
-    """Write a document as JSON, whole or not at all.
-
-    Parameters
-    ----------
-    document
-        Any of the documents of ``schemas``.
-    path
-        File to write; missing folders are made.
-    overwrite
-        Replace a file that exists.
-
-    Returns
-    -------
-    Path
-        The path as given.
-
-    Raises
-    ------
-    OutputError
-        As :func:`iris_sysid.io.files.write_atomic`.
-    """
+    """Write a document as JSON by :func:`iris_sysid.io.files.write_atomic`."""
     return write_atomic(path, document_text(document), overwrite=overwrite)
 
 
@@ -131,24 +111,9 @@ def entries_of(estimates: Mapping[str, Estimate], status: FitStatus | None = Non
 
 
 def fit_document(result: FitResult, trajectory: Trajectory | None = None) -> FitDocument:
-    """The content of fit.json.
+    """The content of fit.json, with the segments and geometry of the trajectory; NaN becomes null with a note.
 
-    Parameters
-    ----------
-    result
-        The fit; NaN becomes null with a note.
-    trajectory
-        What was fitted: its segments and geometry are recorded. Without it these are empty.
-
-    Returns
-    -------
-    FitDocument
-        Checked, ready to be written.
-
-    Raises
-    ------
-    DataError
-        When the trajectory is not the one that was fitted, or a value does not fit the schema.
+    DataError when the trajectory is not the one that was fitted, or a value does not fit the schema.
     """
     if trajectory is not None and trajectory.n != result.used.size:
         raise DataError(f"the fit has {result.used.size} samples but the trajectory {trajectory.n}: not the one fitted")
@@ -192,18 +157,6 @@ def write_fit(result: FitResult, trajectory: Trajectory, path: str | Path, *, ov
         File to write; missing folders are made.
     overwrite
         Replace a file that exists.
-
-    Returns
-    -------
-    Path
-        The path as given.
-
-    Raises
-    ------
-    DataError
-        As :func:`fit_document`.
-    OutputError
-        As :func:`iris_sysid.io.files.write_atomic`.
     """
     return write_document(fit_document(result, trajectory), path, overwrite=overwrite)
 

@@ -13,19 +13,9 @@ WITHIN = 0.55  # of the unit: what rounding may do to a time, and a little for s
 
 
 def unrounded(t_s: Array) -> tuple[Array, str]:
-    """Times at even steps in place of the same, rounded; and what was done, empty where they are as they were.
+    """Times (n,) s at even steps in place of rounded ones, perhaps several alike; and what was done, in a clause.
 
-    Parameters
-    ----------
-    t_s
-        Times (n,) s as read, perhaps several alike.
-
-    Returns
-    -------
-    t_s : numpy.ndarray
-        Times (n,) s.
-    text : str
-        In a clause.
+    The clause is empty where the times are as they were.
     """
     if t_s.size < MIN_ROWS or not np.all(np.isfinite(t_s)) or np.any(np.diff(t_s) < 0):
         return t_s, ""

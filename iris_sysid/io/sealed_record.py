@@ -47,21 +47,9 @@ class LoggedLook:
 
 
 def seal(record: Trajectory, path: str | Path, *, overwrite: bool = False) -> Path:
-    """Write a record into a file that only :func:`open_sealed` reads.
+    """Write the positions and inputs of a record, exactly, into a ``.sealed`` file that only :func:`open_sealed` reads.
 
-    Parameters
-    ----------
-    record
-        Its positions and inputs are kept, each number exactly.
-    path
-        File to write; its name ends in ``.sealed``.
-    overwrite
-        Replace a file that exists; one that was looked at is never replaced.
-
-    Raises
-    ------
-    OutputError
-        When it exists, cannot be written, has another suffix, or was looked at.
+    OutputError when it exists, cannot be written, has another suffix, or was looked at: then it is never replaced.
     """
     path = Path(path)
     if path.suffix != SEALED:
@@ -75,28 +63,11 @@ def seal(record: Trajectory, path: str | Path, *, overwrite: bool = False) -> Pa
 
 
 def open_sealed(path: str | Path, model: str, name: str) -> tuple[Trajectory, tuple[LoggedLook, ...]]:
-    """Log a look at a sealed record, and open it.
+    """Log a look at a sealed record and open it: the record, and every look at it with this one the last.
 
-    Parameters
-    ----------
-    path
-        Written by :func:`seal`.
-    model
-        SHA-256 of the frozen model; see :func:`model_hash`.
-    name
-        What the log calls the model.
-
-    Returns
-    -------
-    tuple
-        The record, and every look at it with this one the last.
-
-    Raises
-    ------
-    DataError
-        When the file is not a sealed record, or its log was changed.
-    OutputError
-        When the look cannot be logged: the record is not opened then.
+    ``model`` is the SHA-256 of the frozen model by :func:`model_hash`, ``name`` what the log calls it. DataError when
+    the file is not a sealed record, or its log was changed; OutputError when the look cannot be logged: the record is
+    not opened then.
     """
     data = read_file(path)
     if Path(path).suffix != SEALED:
@@ -119,10 +90,7 @@ def model_hash(equation: str, values: Mapping[str, float], how: Sequence[str] = 
 def looks_in(log: str | Path) -> tuple[LoggedLook, ...]:
     """The looks that a log holds; none where there is no log.
 
-    Raises
-    ------
-    DataError
-        When a line cannot be read, or the lines before it are no longer those that it was written after.
+    DataError when a line cannot be read, or the lines before it are no longer those that it was written after.
     """
     if not Path(log).exists():
         return ()

@@ -269,15 +269,7 @@ def _stated_time(cells: Cells, titles: Sequence[str], stated: Mapping[str, str])
 
 
 def columns_for(path: str | Path, quantities: Sequence[Quantity]) -> dict[str, str]:
-    """An example of the columns of a table that hold some quantities: its own titles, in their order, without inputs.
-
-    Parameters
-    ----------
-    path
-        The table.
-    quantities
-        What is wanted of it.
-    """
+    """An example of the columns of a table that hold some quantities: its own titles in order, without inputs."""
     cells = read_cells(path)
     titles = titles_of(cells)
     numeric = _numeric(cells, titles)

@@ -65,10 +65,6 @@ def fit_circle(position: Array, sigma: float = 0.0, radius: float | None = None,
     radius, radius_stderr
         A known radius with its standard error: then only the centre is fitted.
 
-    Returns
-    -------
-    Circle
-
     Raises
     ------
     DataError
@@ -101,18 +97,9 @@ def fit_circle(position: Array, sigma: float = 0.0, radius: float | None = None,
 
 
 def circle_about(x: Estimate, z: Estimate, position: Array, sigma: float = 0.0) -> Circle:
-    """The circle about a known centre: its radius is the median distance.
+    """The circle about a known centre: its radius is the median distance of positions (n, 2), in their unit.
 
-    All in the unit of the positions.
-
-    Parameters
-    ----------
-    x, z
-        The centre, with standard errors.
-    position
-        (n, 2): x, z.
-    sigma
-        Standard error of a coordinate, the lower limit of the scatter.
+    ``sigma`` is the standard error of a coordinate, the lower limit of the scatter.
     """
     away = position - np.array([x.value, z.value])
     distance = np.hypot(*away.T)
@@ -269,16 +256,10 @@ class Line:
 
 
 def fit_line(position: Array) -> Line:
-    """Fit a straight line by total least squares; it points from the first position to the last.
+    """Fit a straight line to positions (n, 2), px or m, by total least squares; it points from the first to the last.
 
-    ``position`` (n, 2), px or m; the angle is in rad.
-
-    The angle's standard error is ``scatter / (sqrt(n) sd along)``, enlarged for correlated residuals.
-
-    Raises
-    ------
-    DataError
-        With fewer than three positions, or when they do not differ.
+    The standard error of its angle, rad, is ``scatter / (sqrt(n) sd along)``, enlarged for correlated residuals.
+    DataError with fewer than three positions, or when they do not differ.
     """
     if len(position) < 3:
         raise DataError(f"a line needs at least 3 positions, not {len(position)}")

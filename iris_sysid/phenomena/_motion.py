@@ -33,19 +33,8 @@ def only_measured(world: Sequence[Trajectory], name: str, quantity: str) -> Traj
 def as_tracked(name: str, quantity: str, world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Trajectory:
     """Keep the only quantity of a body as the tracker gives it; the motion is that of its segments.
 
-    Parameters
-    ----------
-    name, quantity
-        The phenomenon, and what its tracker gives.
-    world
-        One trajectory of the quantity, segmented.
-    settings
-        Not used: what may be stated are constants of the model.
-
-    Raises
-    ------
-    DataError
-        When the motion has fewer than five samples.
+    What may be stated are constants of the model: ``settings`` is not used. DataError when the motion has fewer than
+    five samples.
     """
     body = only_measured(world, name, quantity)
     in_motion(body, 5)
@@ -69,17 +58,7 @@ def stated(settings: Mapping[str, Estimate], *names: str) -> dict[str, Estimate]
 
 
 def stated_length(settings: Mapping[str, Estimate], names: Sequence[str], unit: str) -> Estimate | None:
-    """The first of the named lengths that the user gave, or None; it must be positive and in the unit of the positions.
-
-    Parameters
-    ----------
-    settings
-        The user's settings by name.
-    names
-        In order of preference.
-    unit
-        Unit of the positions: m or px.
-    """
+    """The first of the named lengths that the user gave, or None; positive and in the unit of the positions."""
     for name in names:
         if name not in settings:
             continue

@@ -23,26 +23,14 @@ PAIR_PARAMETERS = {
 def observe_pair(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Trajectory:
     """Turn the positions of two bodies into angles from the downward vertical, positive to the right, left body first.
 
-    The motion begins when both bodies are released and their cords are taut; impacts are part of it.
+    The motion begins when both bodies are released and their cords are taut; impacts are part of it. ``world`` holds
+    two trajectories of x and z at the same times, in m or px; ``arc_radius`` in that unit, of the ``settings``, fixes
+    the radius of both arcs.
 
-    Parameters
-    ----------
-    world
-        Two trajectories of x and z at the same times, in m or px.
-    settings
-        ``arc_radius``, in that unit, fixes the radius of both arcs.
-
-    Returns
-    -------
-    Trajectory
-        ``theta1`` and ``theta2`` in rad. ``geometry``: ``arc_radius_1``, ``arc_radius_2``, ``pivot_ratio``, the
-        distance of the pivots over the first radius, and the error of each pivot over its radius. Samples off an arc by
-        more than five scatters are not valid.
-
-    Raises
-    ------
-    DataError
-        When there are not two bodies at the same times, or an arc is too small for its noise to fix a pivot.
+    Gives ``theta1`` and ``theta2`` in rad. ``geometry``: ``arc_radius_1``, ``arc_radius_2``, ``pivot_ratio``, the
+    distance of the pivots over the first radius, and the error of each pivot over its radius. Samples off an arc by
+    more than five scatters are not valid. Raises DataError when there are not two bodies at the same times, or an arc
+    is too small for its noise to fix a pivot.
     """
     first, second = _two_bodies(world)
     free = _free(first) & _free(second)

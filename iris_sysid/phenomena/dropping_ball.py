@@ -14,25 +14,11 @@ MIN_SAMPLES = 8  # samples of a fall from which the last one can be dropped
 
 
 def observe(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Trajectory:
-    """Keep the height z of the ball, upwards, with its standard error.
+    """Keep the height z of the ball, upwards, with its standard error, from a segmented trajectory in m or px.
 
-    Parameters
-    ----------
-    world
-        One trajectory of x and z, segmented, in m or px.
-    settings
-        ``ball_radius`` is passed on.
-
-    Returns
-    -------
-    Trajectory
-        ``z``; the motion is the segment from the release to the first contact, without its last sample: there the
-        floor is behind the ball, which shifts the measured centre by half a pixel.
-
-    Raises
-    ------
-    DataError
-        When the motion has fewer than three samples.
+    The motion is the segment from the release to the first contact, without its last sample: there the floor is behind
+    the ball, which shifts the measured centre by half a pixel. ``ball_radius`` of the ``settings`` is passed on.
+    Raises DataError when the motion has fewer than three samples.
     """
     body = only_body(world, "dropping-ball")
     in_motion(body, 3)

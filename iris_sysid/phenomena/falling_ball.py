@@ -26,25 +26,12 @@ MAX_GAP = 3.5  # times the usual step: a bounce may hide in a longer one
 
 
 def observe(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Trajectory:
-    """Keep the apparent radius r in px.
+    """Keep the apparent radius r in px of a segmented trajectory.
 
-    Parameters
-    ----------
-    world
-        One trajectory of r in px, segmented.
-    settings
-        ``h0``, the distance from the camera at the release, in m, is passed on.
-
-    Returns
-    -------
-    Trajectory
-        ``r``; the motion is the fall from the release to the first contact: the run of consecutive decreases with the
-        largest total decrease of the radius, without its last sample where the radius grows again.
-
-    Raises
-    ------
-    DataError
-        When the motion has fewer than five samples, or h0 is not a length in m.
+    The motion is the fall from the release to the first contact: the run of consecutive decreases with the largest
+    total decrease of the radius, without its last sample where the radius grows again. ``h0`` of the ``settings``, the
+    distance from the camera at the release, in m, is passed on. Raises DataError when the motion has fewer than five
+    samples, or h0 is not a length in m.
     """
     body = only_measured(world, "falling-ball", "r")
     in_motion(body, 5)

@@ -33,24 +33,10 @@ MIN_SAMPLES = 6  # samples of the run-up
 def observe(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Trajectory:
     """Turn positions of the ball into the distance along its run-up, which ends when the first cup moves.
 
-    The ball is the body that moves first.
-
-    Parameters
-    ----------
-    world
-        Trajectories of x and z of the ball and the cups, in any order, in m or px; their segments are not used.
-    settings
-        ``ball_radius`` is passed on.
-
-    Returns
-    -------
-    Trajectory
-        ``s``, zero at the first sample of the motion, increasing as the ball goes.
-
-    Raises
-    ------
-    DataError
-        When the ball rolls for fewer than six samples before a cup moves.
+    The ball is the body that moves first of the trajectories of x and z in ``world``, in any order, in m or px; their
+    segments are not used. ``s`` is zero at the first sample of the motion and increases as the ball goes.
+    ``ball_radius`` of the ``settings`` is passed on. Raises DataError when the ball rolls for fewer than six samples
+    before a cup moves.
     """
     only_body(world, "hitting-cones")
     departures = sorted((_departs(body), k) for k, body in enumerate(world))

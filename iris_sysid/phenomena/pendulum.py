@@ -30,26 +30,15 @@ FASTEST = 0.95  # quantile of the rates that stands for the largest one: a singl
 def observe(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Trajectory:
     """Find the pivot from the arc and turn positions into angles from the downward vertical, positive to the right.
 
-    Parameters
-    ----------
-    world
-        One trajectory of x and z, segmented, in m or px.
-    settings
-        ``pivot_x`` and ``pivot_z`` (z up; or ``pivot_y``, the same) in the unit of the trajectory override the arc's;
-        ``arc_radius`` or ``length`` in that unit fixes its radius only. ``ball_radius`` is passed on.
+    ``world`` holds one segmented trajectory of x and z in m or px. Of the ``settings``, ``pivot_x`` and ``pivot_z``
+    (z up; or ``pivot_y``, the same) in its unit override the arc's; ``arc_radius`` or ``length`` in that unit fixes its
+    radius only; ``ball_radius`` is passed on.
 
-    Returns
-    -------
-    Trajectory
-        ``theta`` in rad; ``sigma`` is the error across the cord only, without the pivot's error, which all samples
-        share. ``geometry``: ``pivot_x``, ``pivot_z``, ``arc_radius``, and ``arc_scatter``, the standard deviation of
-        the distances from the arc. Samples off the arc by more than five of it are not valid; where the motion begins
-        with them the cord is slack, and they are labelled release.
-
-    Raises
-    ------
-    DataError
-        When the motion has fewer than five samples, or its arc is too small for its noise to fix a pivot.
+    Gives ``theta`` in rad; ``sigma`` is the error across the cord only, without the pivot's error, which all samples
+    share. ``geometry``: ``pivot_x``, ``pivot_z``, ``arc_radius``, and ``arc_scatter``, the standard deviation of the
+    distances from the arc. Samples off the arc by more than five of it are not valid; where the motion begins with them
+    the cord is slack, and they are labelled release. Raises DataError when the motion has fewer than five samples, or
+    its arc is too small for its noise to fix a pivot.
     """
     body = only_body(world, "pendulum")
     used = in_motion(body, 5)

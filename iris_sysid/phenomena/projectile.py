@@ -9,24 +9,9 @@ from iris_sysid.types import Estimate, Phenomenon, Quantity, Trajectory
 
 
 def observe(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Trajectory:
-    """Keep x to the right and z upwards.
+    """Keep x to the right and z upwards of a segmented trajectory in m or px; the motion is the flight.
 
-    Parameters
-    ----------
-    world
-        One trajectory of x and z, segmented, in m or px.
-    settings
-        ``ball_radius`` is passed on.
-
-    Returns
-    -------
-    Trajectory
-        ``x`` and ``z``; the motion is the flight.
-
-    Raises
-    ------
-    DataError
-        When the motion has fewer than three samples.
+    ``ball_radius`` of the ``settings`` is passed on. Raises DataError when the motion has fewer than three samples.
     """
     body = only_body(world, "projectile")
     in_motion(body, 3)

@@ -21,24 +21,13 @@ STRAIGHT = 0.02  # scatter across the line over its length: a lens bends a board
 def observe(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Trajectory:
     """Turn positions into the distance along the principal direction of the motion, increasing downhill.
 
-    Parameters
-    ----------
-    world
-        One trajectory of x and z, segmented, in m or px.
-    settings
-        ``angle`` of the board in rad, as the user measured it, becomes ``geometry["angle"]``; the angle of the motion
-        is then ``geometry["angle_of_motion"]``.
+    ``world`` holds one segmented trajectory of x and z in m or px. ``angle`` of the board in rad among the
+    ``settings``, as the user measured it, becomes ``geometry["angle"]``; the angle of the motion is then
+    ``geometry["angle_of_motion"]``.
 
-    Returns
-    -------
-    Trajectory
-        ``s``, zero at the first sample of the motion. ``geometry``: ``angle`` from the horizontal, rad, and
-        ``across_scatter``, the standard deviation of the positions across the line.
-
-    Raises
-    ------
-    DataError
-        When the motion has fewer than five samples or does not follow a straight line.
+    Gives ``s``, zero at the first sample of the motion. ``geometry``: ``angle`` from the horizontal, rad, and
+    ``across_scatter``, the standard deviation of the positions across the line. Raises DataError when the motion has
+    fewer than five samples or does not follow a straight line.
     """
     body = only_body(world, "sliding-cone")
     used = in_motion(body, 5)

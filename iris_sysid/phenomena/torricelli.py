@@ -12,27 +12,11 @@ from iris_sysid.types import BenchmarkClass, Estimate, Phenomenon, Quantity, Tra
 
 
 def observe(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Trajectory:
-    """Measure the level from the lowest level seen.
+    """Measure the level from the lowest level seen, in a segmented trajectory of z in m or px.
 
     The height of the hole above it is the model's ``hole``: nothing drains below the hole, and z(t) is a parabola with
-    its lowest point there.
-
-    Parameters
-    ----------
-    world
-        One trajectory of z, segmented, in m or px.
-    settings
-        Not used; ``hole`` is a constant of the model.
-
-    Returns
-    -------
-    Trajectory
-        ``h``; ``geometry["lowest"]`` is its zero on the z axis.
-
-    Raises
-    ------
-    DataError
-        When the motion has fewer than five samples.
+    its lowest point there. No setting is used. Gives ``h``; ``geometry["lowest"]`` is its zero on the z axis. Raises
+    DataError when the motion has fewer than five samples.
     """
     body = without_still_start(only_measured(world, "torricelli", "z"))
     used = in_motion(body, 5)

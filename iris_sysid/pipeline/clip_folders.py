@@ -30,10 +30,7 @@ def is_dataset(path: Path) -> bool:
 def tables_in(path: Path) -> list[Path]:
     """The trajectory files of a path, sorted by name: the file itself, or those in the folder and its subfolders.
 
-    Raises
-    ------
-    DataError
-        When the folder holds no trajectory.
+    DataError when the folder holds no trajectory.
     """
     if not path.is_dir():
         return [path]

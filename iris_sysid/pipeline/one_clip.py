@@ -230,15 +230,7 @@ def observe(
 
 
 def open_clip(source: str | Path, clip: ClipOptions) -> Video:
-    """The part of a clip that a request asks for, as :func:`iris_sysid.open_video` opens it.
-
-    Parameters
-    ----------
-    source
-        Video, image sequence, or archive.
-    clip
-        Part of it to read, and its true frame rate.
-    """
+    """The part of a clip that a request asks for, as :func:`iris_sysid.open_video` opens it."""
     return open_video(source, fps=clip.fps, start_s=clip.start_s, stop_s=clip.stop_s, keep_partial=clip.keep_partial)
 
 
@@ -302,28 +294,9 @@ def run(
 
 
 def track_clip(source: str | Path, phenomenon: Phenomenon, request: RunRequest) -> tuple[Video, list[Track]]:
-    """The first step of :func:`run`: open the clip, and follow its bodies.
+    """The first step of :func:`run`: open the clip, and follow its bodies by the tracker of the phenomenon.
 
-    Parameters
-    ----------
-    source
-        As for :func:`run`.
-    phenomenon
-        Its tracker follows the bodies.
-    request
-        What is checked before any frame is read, and recorded in the tracks' origin.
-
-    Returns
-    -------
-    video : Video
-        The clip.
-    tracks : list of Track
-        One per body, in px.
-
-    Raises
-    ------
-    UnknownNameError, VideoError, TrackingError, CalibrationError, DataError
-        As :func:`run`.
+    The request is checked before any frame is read, and recorded in the tracks' origin. Raises what :func:`run` raises.
     """
     check_request(phenomenon, request.settings, request.free, request.geometry)
     video = open_clip(source, request.clip)
@@ -364,16 +337,6 @@ def run_tracked(
         The file of the clip.
     calibration, settings, free, clip, geometry
         As for :func:`run`.
-
-    Returns
-    -------
-    Run
-        As :func:`run` returns it.
-
-    Raises
-    ------
-    UnknownNameError, CalibrationError, DataError
-        As :func:`run`.
     """
     from iris_sysid.trajectory.vertical_and_scale import align_vertical, gravity_calibration, vertical_note
 

@@ -28,16 +28,9 @@ def check_workers(workers: Workers) -> None:
 def run_parallel(batch: Batch[Job, Outcome], jobs: Sequence[Job], workers: Workers) -> Iterator[tuple[Job, Outcome]]:
     """Run all jobs, and yield each with its outcome in the order in which they finish.
 
-    Parameters
-    ----------
-    batch
-        What is to be done.
-    jobs
-        One at a time of each process.
-    workers
-        Number of parallel processes; 0 runs all jobs in this one, which then ends with a job that crashes.
-        Text is the address (``tcp://HOST:PORT``) or the file (``FILE.json``) of a dask scheduler; see
-        :mod:`iris_sysid.pipeline.cluster`.
+    ``workers`` processes take one job at a time; 0 runs all jobs in this one, which then ends with a job that crashes.
+    Text is the address (``tcp://HOST:PORT``) or the file (``FILE.json``) of a dask scheduler; see
+    :mod:`iris_sysid.pipeline.cluster`.
     """
     if isinstance(workers, str):
         from iris_sysid.pipeline.cluster import on_cluster  # dask is an extra

@@ -5,8 +5,6 @@ Each function returns a matplotlib ``Figure``; none shows or saves it.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -46,19 +44,9 @@ def camera_figure(camera: CameraCalibration) -> Figure:
 
 
 def view_figure(fitted: FittedView, image: NDArray[np.uint8]) -> Figure:
-    """One view's corners over its own image with residual arrows.
+    """One view's corners over its own image, grey (h, w) or BGR (h, w, 3) in grey levels, with residual arrows.
 
-    Parameters
-    ----------
-    fitted
-        The view, from ``CameraCalibration.views``.
-    image
-        Grey (h, w) or BGR (h, w, 3), uint8, in grey levels.
-
-    Returns
-    -------
-    Figure
-        The first corner is marked; rows run from it along the arrow.
+    The first corner is marked; rows run from it along the arrow.
     """
     enlarged = _enlargement(fitted.rms_px, fitted.view.image_size)
     figure = Figure(figsize=(9, 9 * image.shape[0] / image.shape[1] + 0.6), layout="constrained")
@@ -77,32 +65,14 @@ def view_figure(fitted: FittedView, image: NDArray[np.uint8]) -> Figure:
     return figure
 
 
-def grid_figure(calibration: Calibration, image: NDArray[np.uint8], *, step_m: float | None = None) -> Figure:
+def grid_figure(calibration: Calibration, image: NDArray[np.uint8]) -> Figure:
     """The world's grid over a frame of the clip: lines of equal x and z, bent as the lens bends them.
 
-    Parameters
-    ----------
-    calibration
-        Of the plane of motion.
-    image
-        A frame of the clip, grey (h, w) or BGR (h, w, 3), uint8.
-    step_m
-        Distance of the lines, m; a round number of about a twelfth of the image when not given.
-
-    Returns
-    -------
-    Figure
-        With the origin marked, and the scale at the position where it was calibrated.
-
-    Raises
-    ------
-    CalibrationError
-        When the grid's step is not positive.
+    The image is grey (h, w) or BGR (h, w, 3), in grey levels. Lines are a round number apart, about a
+    twelfth of the image. The origin is marked, and the scale stated at the position where it was calibrated.
     """
     size = image.shape[1], image.shape[0]
-    step = round_step(size[0] / calibration.scale.value / LINES) if step_m is None else step_m
-    if not (math.isfinite(step) and step > 0):
-        raise CalibrationError(f"the grid's step must be above zero, not {step:g} m")
+    step = round_step(size[0] / calibration.scale.value / LINES)
     figure = Figure(figsize=(10, 10 * size[1] / size[0] + 0.6), layout="constrained")
     axes = figure.subplots()
     _show(axes, image)

@@ -37,11 +37,6 @@ def write_candidates(
     overwrite
         Replace a file of that name.
 
-    Returns
-    -------
-    Path
-        The path as given.
-
     Raises
     ------
     OutputError

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from iris_sysid.io.files import check_folder, write_atomic
@@ -66,22 +68,7 @@ def write_report(run: Run, folder: str | Path, *, overwrite: bool = False) -> Pa
 
 
 def write_page(page: Page, folder: str | Path, *, overwrite: bool = False) -> Path:
-    """Write a page's images and then ``report.html`` into a folder.
-
-    Parameters
-    ----------
-    page
-        The content of the page.
-    folder
-        Created when it does not exist.
-    overwrite
-        Replace files of an earlier report.
-
-    Returns
-    -------
-    Path
-        The page.
-    """
+    """Write a page's images and then ``report.html`` into a folder, made when missing; the page's path."""
     files = {f"{image.name}.png": image.png for image in page.images} | {"report.html": html_of(page)}
     folder = check_folder(folder, files, overwrite=overwrite)
     for name, content in files.items():
@@ -92,34 +79,64 @@ def write_page(page: Page, folder: str | Path, *, overwrite: bool = False) -> Pa
 def clip_page(run: Run) -> Page:
     """The page of one clip."""
     fit, trajectory = run.fit, run.trajectory
-    statements, bars = residual_budget(trajectory, fit)
     track = track_figure(run.video, run.tracks, trajectory, run.calibration)
-    return Page(
-        title=f"{run.source.name}: {run.phenomenon.name}",
-        headline=headline(fit),
+    page = table_page(f"{run.source.name}: {run.phenomenon.name}", trajectory, fit)
+    first, *_, checks = page.sections
+    return replace(
+        page,
         summary=f"{fit.model.summary}. {IN_PX}" if is_in_px(fit) else fit.model.summary,
-        values=key_values(fit, main_names(fit)),
-        verdict=fit.verdict,
         warnings=[as_sentence(note) for note in _warnings(run)],
         film=film_of(run, trajectory, {"before": ("the model", fit)} if fit.usable else {}),
+        sections=[
+            first,
+            *budget_sections(fit),
+            *identifiability_sections(fit),
+            calibration_section(run.calibration, run.tracks),
+            *_segment_sections(trajectory),
+            *_geometry_sections(trajectory),
+            Section(checks.title, lines=_checks(run, checks.lines)),
+        ],
+        origin=fit.origin,
+        images=[
+            PageImage("track", png_of(track), "Multiple exposure of the clip with the track, coloured by segment"),
+            _fit_image(trajectory, fit),
+        ],
+    )
+
+
+def table_page(title: str, trajectory: Trajectory, fit: FitResult) -> Page:
+    """The page of a fit to a table: the motion with its fit, the numbers, what was left out."""
+    statements, bars = residual_budget(trajectory, fit)
+    checks = [
+        f"{int(trajectory.valid.sum())} of {trajectory.n} samples are measured, {fit.n} are used for the fit.",
+        f"Residual: {residual_text(fit)}.",
+        *map(as_sentence, fit.notes),
+    ]
+    return Page(
+        title=title,
+        headline=headline(fit),
+        summary=fit.model.summary,
+        values=key_values(fit, main_names(fit)),
+        verdict=fit.verdict,
         statements=statements,
         bars=bars,
         charts=fit_charts(trajectory, fit),
         sections=[
             fit_section("Parameters", fit),
-            *budget_sections(fit),
-            *identifiability_sections(fit),
-            calibration_section(run.calibration, run.tracks),
-            *_segment_sections(trajectory),
-            *([estimates_section("Intermediate quantities", trajectory.geometry)] if trajectory.geometry else []),
-            Section("Checks", lines=_checks(run)),
+            *_geometry_sections(trajectory),
+            Section("Checks", lines=checks),
         ],
-        origin=fit.origin,
-        images=[
-            PageImage("track", png_of(track), "Multiple exposure of the clip with the track, coloured by segment"),
-            PageImage("fit", png_of(fit_figure(trajectory, fit)), "Measured motion and fit, with the residual below"),
-        ],
+        origin=fit.origin or trajectory.origin,
+        images=[_fit_image(trajectory, fit)] if fit.usable else [],
     )
+
+
+def _fit_image(trajectory: Trajectory, fit: FitResult) -> PageImage:
+    return PageImage("fit", png_of(fit_figure(trajectory, fit)), "Measured motion and fit, with the residual below")
+
+
+def _geometry_sections(trajectory: Trajectory) -> list[Section]:
+    return [estimates_section("Intermediate quantities", trajectory.geometry)] if trajectory.geometry else []
 
 
 def fit_charts(trajectory: Trajectory, fit: FitResult) -> list[Chart]:
@@ -175,16 +192,17 @@ def _segment_sections(trajectory: Trajectory) -> list[Section]:
     return [Section("Segments", words("segment", "samples", "reason"), rows)] if rows else []
 
 
-def _checks(run: Run) -> list[str]:
-    trajectory, fit = run.trajectory, run.fit
+def _checks(run: Run, of_fit: Sequence[str]) -> list[str]:
+    """The checks of the fit, with what was done to the clip among them."""
+    counts, residual, *notes = of_fit
     checks = [
-        f"{int(trajectory.valid.sum())} of {trajectory.n} samples are measured, {fit.n} are used for the fit.",
-        f"Residual: {residual_text(fit)}.",
-        f"Autocorrelation of the residual at lag 1: {fit.correlation:.2f}; the standard errors allow for it.",
-        *map(as_sentence, fit.notes),
+        counts,
+        residual,
+        f"Autocorrelation of the residual at lag 1: {run.fit.correlation:.2f}; the standard errors allow for it.",
+        *notes,
         *map(as_sentence, _remarks(run)),
     ]
-    if trajectory.smoothed is not None:
-        nis = ", ".join(f"{value:.2f}" for value in trajectory.smoothed.nis)
+    if run.trajectory.smoothed is not None:
+        nis = ", ".join(f"{value:.2f}" for value in run.trajectory.smoothed.nis)
         checks.append(f"Mean normalised innovation squared of the Kalman filter: {nis} (1 when it is consistent).")
     return checks

@@ -32,12 +32,7 @@ FORCES = {"m/s^2": "force per mass", "rad/s^2": "angular acceleration"}  # in a 
 def component_figure(components: Components, remaining: Components | None = None) -> Figure:
     """The shares of a residual as a bar (left), the largest parts over what they depend on (right).
 
-    Parameters
-    ----------
-    components
-        Of the residual without effects.
-    remaining
-        Of the residual with them: a second bar, as long as its variance is of the first.
+    ``remaining`` are those of the residual with effects: a second bar, as long as its variance is of the first.
     """
     drawn = [part for part in components.parts if part.curve is not None][:MAX_CURVES]
     lines = len(components.parts) + 1 + (len(remaining.parts) + 2 if remaining is not None else 0)
@@ -55,15 +50,7 @@ def component_figure(components: Components, remaining: Components | None = None
 
 
 def component_caption(components: Components, *, added: bool) -> str:
-    """What the figure shows, in words.
-
-    Parameters
-    ----------
-    components
-        Of the residual without effects.
-    added
-        Whether a second bar shows the residual with effects.
-    """
+    """What the figure shows, in words; ``added`` where a second bar shows the residual with effects."""
     bars = "shares of its variance" + (", without and with the added effects" if added else "")
     curves = [part for part in components.parts if part.curve is not None][:MAX_CURVES]
     over = "; right: the largest parts over what they depend on, with their 95 % band" if curves else ""

@@ -81,15 +81,7 @@ def write_diagnosis(
 def diagnosis_document(
     diagnosis: Diagnosis, clips: Sequence[Trajectory], validated: ValidatedDiagnosis | None = None
 ) -> DiagnosisDocument:
-    """The content of diagnosis.json.
-
-    Parameters
-    ----------
-    diagnosis, validated
-        As for :func:`write_diagnosis`.
-    clips
-        As they were given to :func:`iris_sysid.diagnose`.
-    """
+    """The content of diagnosis.json; arguments as for :func:`write_diagnosis`."""
     sizes = diagnosis.sizes
     added = [
         {

@@ -18,13 +18,6 @@ def draw_terms(inclusion: Axes, intervals: Axes, terms: Sequence[DiscoveredTerm]
 
     Intervals are drawn relative to their own half width, so that terms of all units share one axis and show whether
     they contain zero.
-
-    Parameters
-    ----------
-    inclusion, intervals
-        Axes to draw on, side by side.
-    terms
-        Of the discovery, in order from above.
     """
     _draw_inclusion(inclusion, terms)
     _draw_intervals(intervals, terms)

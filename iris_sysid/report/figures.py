@@ -114,17 +114,7 @@ def _draw_pivot(axes: Axes, trajectory: Trajectory, calibration: Calibration) ->
 def fit_figure(trajectory: Trajectory, fit: FitResult) -> Figure:
     """Each measured quantity with its fit, and under it the residual against the noise; then the inputs, if any.
 
-    Parameters
-    ----------
-    trajectory
-        What was measured, in the units of its quantities.
-    fit
-        The model's prediction and residual at the same samples.
-
-    Returns
-    -------
-    Figure
-        Two rows a quantity and one an input, over time in s.
+    Two rows a quantity and one an input, over time in s.
     """
     d, driven = len(fit.model.observed), [quantity.name for quantity in fit.model.inputs]
     figure = Figure(figsize=(9, 4.6 * d + 1.4 * len(driven)), layout="constrained")

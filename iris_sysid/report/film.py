@@ -137,19 +137,8 @@ def _path(points: Array) -> str:
 def film_of(footage: Filmed, trajectory: Trajectory, models: Mapping[str, tuple[str, FitResult]]) -> Film | None:
     """Frames of a clip with its bodies, and with models where they have a place in the image.
 
-    Parameters
-    ----------
-    footage
-        The clip and its tracks.
-    trajectory
-        What was made of the tracks.
-    models
-        Fits to the trajectory by the class of their colour, each with its name.
-
-    Returns
-    -------
-    Film or None
-        None where no body was found in a frame that can be read.
+    ``models`` are fits to the trajectory by the class of their colour, each with its name. None where no body was found
+    in a frame that can be read.
     """
     video, tracks = footage.video, footage.tracks
     if not tracks or not any(track.valid.any() for track in tracks):
@@ -289,17 +278,9 @@ def _basis(observed: Array, angles: Sequence[bool], some: Sequence[int]) -> Arra
 def footage_of_table(table: str | Path, trajectory: Trajectory) -> Footage | None:
     """The clip that ``run`` made a table from, if it still lies where it was, beside or in its folder, or here.
 
-    Parameters
-    ----------
-    table
-        ``trajectory.csv`` in a folder of ``run``, or that folder.
-    trajectory
-        What was read from it; its origin names the clip and its sha256, which must be the same.
-
-    Returns
-    -------
-    Footage or None
-        None where there is no such clip or no ``track.csv``, or one of them cannot be read.
+    The table is ``trajectory.csv`` in a folder of ``run``, or that folder; the trajectory's origin names the clip and
+    its sha256, which must be the same. None where there is no such clip or no ``track.csv``, or one of them cannot be
+    read.
     """
     folder = Path(table) if Path(table).is_dir() else Path(table).parent
     name, digest = trajectory.origin.get("source"), trajectory.origin.get("sha256")

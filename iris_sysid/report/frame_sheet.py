@@ -35,11 +35,6 @@ def write_frame(frame: Frame, path: str | Path, *, title: str = "", overwrite: b
     overwrite
         Replace a file of that name.
 
-    Returns
-    -------
-    Path
-        The path as given.
-
     Raises
     ------
     OutputError
@@ -50,20 +45,9 @@ def write_frame(frame: Frame, path: str | Path, *, title: str = "", overwrite: b
 
 
 def frame_sheet(image: Picture, title: str = "") -> Picture:
-    """The image with its grid, and its labels outside it.
+    """The image, BGR (h, w, 3) in grey levels, enlarged by a whole number, with its grid, and its labels outside it.
 
-    Parameters
-    ----------
-    image
-        BGR (h, w, 3), uint8, in grey levels.
-    title
-        Written above the image.
-
-    Returns
-    -------
-    NDArray[np.uint8]
-        BGR (H, W, 3), uint8, in grey levels: the image enlarged by a whole number, with margins. A line at x runs
-        through the centres of the pixels of column x.
+    A line at x runs through the centres of the pixels of column x. The ``title`` stands above the image.
     """
     height, width = image.shape[:2]
     zoom = -(-MIN_SIDE_PX // max(height, width))

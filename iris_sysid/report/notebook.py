@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import base64
 import functools
-import io
 from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Any
@@ -16,6 +14,8 @@ from fitters.ode.prediction import Prediction
 from iris_sysid.diagnosis.planning.plan import Plan
 from iris_sysid.report.component_figure import component_figure
 from iris_sysid.report.diagnosis_text import diagnosis_sentences
+from iris_sysid.report.film import base64_of
+from iris_sysid.report.page import png_of
 from iris_sysid.report.plan_text import advice, plan_rows
 from iris_sysid.report.plots import Result, figure_of
 from iris_sysid.report.text import (
@@ -30,6 +30,8 @@ from iris_sysid.types import Diagnosis, Discovery, Estimate, FitResult, Run, Tra
 DPI = 72
 MAX_ROWS = 12  # of a prediction; the picture shows them all
 VALUE_COLUMNS = ("", "value ± standard error", "95 % interval")
+
+Table = tuple[Sequence[str], Sequence[Sequence[str]]]  # head, rows
 
 
 def to_html(result: Result) -> str:
@@ -66,10 +68,7 @@ def _figures(result: Result) -> list[Figure]:
 
 
 def _picture(figure: Figure, name: str) -> str:
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})
-    picture = base64.b64encode(buffer.getvalue()).decode("ascii")
-    return f'<img alt="{escape(name)}" src="data:image/png;base64,{picture}">'
+    return f'<img alt="{escape(name)}" src="data:image/png;base64,{base64_of(png_of(figure, DPI))}">'
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
@@ -80,7 +79,7 @@ def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return f"<table><thead><tr>{cells}</tr></thead><tbody>{body}</tbody></table>"
 
 
-def _values(estimates: Mapping[str, Estimate]) -> tuple[Sequence[str], Sequence[Sequence[str]]]:
+def _values(estimates: Mapping[str, Estimate]) -> Table:
     rows = [(name, with_error(estimate), interval_text(estimate)) for name, estimate in estimates.items()]
     return VALUE_COLUMNS, rows
 
@@ -103,67 +102,35 @@ def _(result: FitResult) -> list[str]:
 
 
 @_lines.register
-def _(result: Diagnosis) -> list[str]:
-    return [f"Diagnosis of {result.base.model.name}", *diagnosis_sentences(result), *verdict_lines(result.verdict)]
-
-
-@_lines.register
-def _(result: Discovery) -> list[str]:
-    return _judged("Discovery", result.verdict, discovery_sentence(result))
-
-
-@_lines.register
-def _(result: Run) -> list[str]:
-    return [f"{result.source.name}: {result.phenomenon.name}", *_lines(result.fit), *result.notes]
-
-
-@_lines.register
 def _(result: Plan) -> list[str]:
     names = ", ".join(f"{name} ({100 * share:.0f} %)" for name, share in result.probabilities.items())
     return ["What to film next", *([f"In question: {names}"] if len(result.probabilities) > 1 else []), *advice(result)]
+
+
+_lines.register(
+    Diagnosis,
+    lambda it: [f"Diagnosis of {it.base.model.name}", *diagnosis_sentences(it), *verdict_lines(it.verdict)],
+)
+_lines.register(Discovery, lambda it: _judged("Discovery", it.verdict, discovery_sentence(it)))
+_lines.register(Run, lambda it: [f"{it.source.name}: {it.phenomenon.name}", *_lines(it.fit), *it.notes])
 
 
 # --------------------------------------------------------------------------- rows
 
 
 @functools.singledispatch
-def _rows(result: Any) -> tuple[Sequence[str], Sequence[Sequence[str]]]:
+def _rows(result: Any) -> Table:
     return (), ()
 
 
 @_rows.register
-def _(result: Trajectory) -> tuple[Sequence[str], Sequence[Sequence[str]]]:
-    return _values(result.geometry)
-
-
-@_rows.register
-def _(result: Track) -> tuple[Sequence[str], Sequence[Sequence[str]]]:
+def _(result: Track) -> Table:
     doubts = result.quality.doubts if result.quality is not None else ()
     return ("doubt", "what to do"), [(doubt.finding, doubt.remedy) for doubt in doubts]
 
 
 @_rows.register
-def _(result: FitResult) -> tuple[Sequence[str], Sequence[Sequence[str]]]:
-    return _values(shown_estimates(result)) if result.usable else ((), ())
-
-
-@_rows.register
-def _(result: Diagnosis) -> tuple[Sequence[str], Sequence[Sequence[str]]]:
-    return _values({name: size for name, size in result.sizes.items() if size.stderr > 0})
-
-
-@_rows.register
-def _(result: Discovery) -> tuple[Sequence[str], Sequence[Sequence[str]]]:
-    return _values({f"{term.equation}: {term.term}": term.coefficient for term in result.selected})
-
-
-@_rows.register
-def _(result: Run) -> tuple[Sequence[str], Sequence[Sequence[str]]]:
-    return _rows(result.fit)
-
-
-@_rows.register
-def _(result: Prediction) -> tuple[Sequence[str], Sequence[Sequence[str]]]:
+def _(result: Prediction) -> Table:
     quantities = result.fitted.model.observed
     head = ["time (s)", *(quantity.name for quantity in quantities)]
     rows = [
@@ -179,6 +146,13 @@ def _predicted(result: Prediction, k: int, j: int) -> str:
 
 
 @_rows.register
-def _(result: Plan) -> tuple[Sequence[str], Sequence[Sequence[str]]]:
+def _(result: Plan) -> Table:
     rows = plan_rows(result)
     return tuple(rows[0]), [tuple(row.values()) for row in rows]
+
+
+_rows.register(Trajectory, lambda it: _values(it.geometry))
+_rows.register(FitResult, lambda it: _values(shown_estimates(it)) if it.usable else ((), ()))
+_rows.register(Diagnosis, lambda it: _values({name: size for name, size in it.sizes.items() if size.stderr > 0}))
+_rows.register(Discovery, lambda it: _values({f"{one.equation}: {one.term}": one.coefficient for one in it.selected}))
+_rows.register(Run, lambda it: _rows(it.fit))

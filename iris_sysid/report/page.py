@@ -167,10 +167,10 @@ class Page:
         return [chart for chart in self.charts if chart is not self.picture]
 
 
-def png_of(figure: Figure) -> bytes:
-    """Draw a figure as PNG bytes, the same bytes for the same figure."""
+def png_of(figure: Figure, dpi: float = DPI) -> bytes:
+    """Draw a figure as PNG bytes with ``dpi`` dots an inch, the same bytes for the same figure."""
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})
+    figure.savefig(buffer, format="png", dpi=dpi, metadata={"Software": None})
     return buffer.getvalue()
 
 

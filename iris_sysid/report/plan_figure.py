@@ -19,10 +19,7 @@ MAX_ROWS = 12  # proposals drawn
 def plan_figure(planned: Plan) -> Figure:
     """Two panels, a repeat and the best proposal, with the noise of a sample as a band.
 
-    Parameters
-    ----------
-    planned
-        With two names in question, or more.
+    The plan has two names in question, or more.
     """
     figure = Figure(figsize=(9, 3.6), layout="constrained")
     draw_differences(figure, planned)
@@ -30,15 +27,7 @@ def plan_figure(planned: Plan) -> Figure:
 
 
 def draw_differences(figure: Figure | SubFigure, planned: Plan) -> list[Axes]:
-    """The two panels of :func:`plan_figure` in a figure.
-
-    Parameters
-    ----------
-    figure
-        To draw in.
-    planned
-        With two names in question, or more.
-    """
+    """The two panels of :func:`plan_figure` in a figure."""
     noise, quantity = float(planned.fitted.rms[0]), planned.fitted.model.observed[0]
     left, right = figure.subplots(1, 2)
     first = next(iter(planned.probabilities))
@@ -57,12 +46,7 @@ def draw_differences(figure: Figure | SubFigure, planned: Plan) -> list[Axes]:
 def draw_remaining_errors(figure: Figure | SubFigure, planned: Plan) -> list[Axes]:
     """The standard errors after each proposal as a share of today's, best first: a row each, a mark for each value.
 
-    Parameters
-    ----------
-    figure
-        To draw in.
-    planned
-        Any; of its proposals the first MAX_ROWS are drawn.
+    Of the proposals the first MAX_ROWS are drawn.
     """
     axes = figure.subplots()
     shown = planned.proposals[:MAX_ROWS]
@@ -81,15 +65,7 @@ def draw_remaining_errors(figure: Figure | SubFigure, planned: Plan) -> list[Axe
 
 
 def limits_figure(limits: DetectionLimits, wanted: float | None) -> Figure:
-    """The smallest size over the length of the clip, a line for each start.
-
-    Parameters
-    ----------
-    limits
-        With one finite size, or more.
-    wanted
-        The size to be found, drawn as a line across; None for none.
-    """
+    """The smallest size over the length of the clip, a line for each start, and one across for the size to be found."""
     figure = Figure(figsize=(6, 4), layout="constrained")
     axes = figure.subplots()
     shades = np.linspace(0.8, 0.1, len(limits.starts))

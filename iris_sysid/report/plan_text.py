@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict
 from types import MappingProxyType
 
 import numpy as np
@@ -15,17 +14,7 @@ from iris_sysid.diagnosis.planning.plan import Plan, Proposal
 from iris_sysid.diagnosis.planning.precision import Need
 from iris_sysid.diagnosis.planning.rivals import NOTHING
 from iris_sysid.errors import UnknownNameError
-from iris_sysid.io.schemas import (
-    ChangeEntry,
-    LimitsDocument,
-    NeedEntry,
-    Number,
-    PlanDocument,
-    PrecisionEntry,
-    ProposalEntry,
-    known_number,
-    known_numbers,
-)
+from iris_sysid.io.schemas import LimitsDocument, PlanDocument
 from iris_sysid.report.text import with_unit
 
 MAX_SHOWN = 12
@@ -106,17 +95,7 @@ def plan_text(planned: Plan) -> str:
 
 
 def needs_text(planned: Plan, name: str, stderr: float) -> str:
-    """What a value needs to be known to a standard error, as a sentence.
-
-    Parameters
-    ----------
-    planned
-        With the repeat.
-    name
-        Of a fitted value.
-    stderr
-        In its unit.
-    """
+    """What a fitted value needs to be known to a standard error, in its unit, as a sentence."""
     estimate = planned.fitted.estimates[name]
     head = f"{name} to {with_unit(f'{stderr:.2g}', estimate.unit)} ({100 * stderr / abs(estimate.value):.2g} %)"
     ways = planned.needs(name, stderr)
@@ -140,43 +119,11 @@ def _way_text(planned: Plan, way: Need) -> str:
 def plan_document(planned: Plan, wanted: Mapping[str, float] = MappingProxyType({})) -> PlanDocument:
     """The content of plan.json; what is not known is null.
 
-    Parameters
-    ----------
-    planned
-        The proposals.
-    wanted
-        Standard errors by the name of the value that is to be known so well, in its unit.
+    ``wanted`` holds standard errors by the name of the value that is to be known so well, in its unit.
     """
-    return PlanDocument(
-        precision=[
-            PrecisionEntry(
-                parameter=name, stderr=stderr, ways=[NeedEntry(**asdict(way)) for way in planned.needs(name, stderr)]
-            )
-            for name, stderr in wanted.items()
-        ],
-        probabilities=dict(planned.probabilities),
-        stderr=_known(planned.stderr),
-        advice=list(advice(planned)),
-        proposals=[
-            ProposalEntry(
-                change=_change_entry(proposal.change),
-                power=known_number(proposal.power),
-                by_name=dict(proposal.by_name),
-                stderr=_known(proposal.stderr),
-                cost=proposal.cost,
-            )
-            for proposal in planned.proposals
-        ],
-    )
-
-
-def _known(values: Mapping[str, float]) -> dict[str, Number]:
-    return {name: known_number(value) for name, value in values.items()}
-
-
-def _change_entry(change: SetUpChange) -> ChangeEntry:
-    given = asdict(change)
-    return ChangeEntry(**{**given, "without": list(change.without)})
+    needs = [{"parameter": name, "stderr": error, "ways": planned.needs(name, error)} for name, error in wanted.items()]
+    named = {name: getattr(planned, name) for name in ("probabilities", "stderr", "proposals")}
+    return PlanDocument.of({**named, "advice": advice(planned), "precision": needs})
 
 
 def change_of(document: PlanDocument, name: str) -> SetUpChange:
@@ -198,14 +145,7 @@ def decision_text(decision: Decision) -> str:
 
 def limits_document(limits: DetectionLimits) -> LimitsDocument:
     """The content of plan.json before any clip; sizes that no clip shows are null."""
-    return LimitsDocument(
-        effect=limits.effect,
-        unit=limits.unit,
-        varied=limits.varied,
-        starts=limits.starts.tolist(),
-        seconds=limits.seconds.tolist(),
-        sizes=[known_numbers(row) for row in limits.sizes.tolist()],
-    )
+    return LimitsDocument.of(limits)
 
 
 def limits_text(limits: DetectionLimits, wanted: float | None) -> str:

@@ -112,50 +112,20 @@ def _heights(result: Any) -> list[float]:
     raise DataError(f"there is no plot of an object of type {type(result).__name__}")
 
 
-@_heights.register
-def _(result: Trajectory) -> list[float]:
-    return [TALL_IN] * len(result.quantities) + [LOW_IN] * len(result.input_quantities)
-
-
-@_heights.register
-def _(result: Smoothed) -> list[float]:
-    return [TALL_IN] * (2 * result.position.shape[1])
-
-
-@_heights.register
-def _(result: Track) -> list[float]:
-    return [1.6 * TALL_IN, LOW_IN, LOW_IN]
-
-
-@_heights.register
-def _(result: FitResult) -> list[float]:
-    return [TALL_IN, LOW_IN] * len(result.model.observed)
-
-
-@_heights.register
-def _(result: Diagnosis) -> list[float]:
-    return [TALL_IN, LOW_IN, *([LOW_IN] if result.added else [])] * len(result.base.model.observed)
-
-
-@_heights.register
-def _(result: Discovery) -> list[float]:
-    return [max(2.0, 0.28 * len(result.terms) + 0.8), *_heights(_longest(result))]
-
-
-@_heights.register
-def _(result: Run) -> list[float]:
+def _height_of_run(result: Run) -> list[float]:
     picture = (WIDTH_IN - 1.0) * result.video.height / result.video.width
     return [min(picture, 2 * TALL_IN), *_heights(result.fit)]
 
 
-@_heights.register
-def _(result: Prediction) -> list[float]:
-    return [TALL_IN] * len(result.fitted.model.observed)
-
-
-@_heights.register
-def _(result: Plan) -> list[float]:
-    return [1.3 * TALL_IN]
+_heights.register(Trajectory, lambda it: [TALL_IN] * len(it.quantities) + [LOW_IN] * len(it.input_quantities))
+_heights.register(Smoothed, lambda it: [TALL_IN] * (2 * it.position.shape[1]))
+_heights.register(Track, lambda it: [1.6 * TALL_IN, LOW_IN, LOW_IN])
+_heights.register(FitResult, lambda it: [TALL_IN, LOW_IN] * len(it.model.observed))
+_heights.register(Diagnosis, lambda it: [TALL_IN, *[LOW_IN] * (2 if it.added else 1)] * len(it.base.model.observed))
+_heights.register(Discovery, lambda it: [max(2.0, 0.28 * len(it.terms) + 0.8), *_heights(_longest(it))])
+_heights.register(Run, _height_of_run)
+_heights.register(Prediction, lambda it: [TALL_IN] * len(it.fitted.model.observed))
+_heights.register(Plan, lambda it: [1.3 * TALL_IN])
 
 
 # --------------------------------------------------------------------------- drawings

@@ -18,22 +18,10 @@ DIAGNOSE = "To look for the effects behind it: iris-sysid diagnose."
 
 
 def residual_budget(trajectory: Trajectory, fit: FitResult) -> tuple[Sequence[str], Sequence[Bar]]:
-    """The statement and the bar that say what the residual of one fit is made of.
+    """One statement and one bar that say what the residual of a fit is made of; none where it cannot be split.
 
     Where the equation is not complete, no more of the residual is called noise than the measurement's own noise
     explains: the split calls noise what has no form, and a short motion shows no form.
-
-    Parameters
-    ----------
-    trajectory
-        What was fitted.
-    fit
-        The model fitted to it.
-
-    Returns
-    -------
-    statements, bars
-        One of each; none where the residual cannot be split.
     """
     components = components_of([FitRequest(trajectory, fit.model)], [fit]) if fit.usable else None
     if components is None:

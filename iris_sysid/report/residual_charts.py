@@ -31,17 +31,7 @@ def body_colour(quantities: Sequence[Quantity], k: int) -> str:
 
 
 def motion_chart(trajectory: Trajectory, fits: Sequence[tuple[FitResult, str, str]], k: int) -> Chart:
-    """One observed quantity over time with the models that were fitted to it.
-
-    Parameters
-    ----------
-    trajectory
-        What was measured.
-    fits
-        Each with its name and the class of its colour.
-    k
-        Which of the observed quantities.
-    """
+    """The ``k``-th observed quantity over time with its fits, each with its name and the class of its colour."""
     quantity = fits[0][0].model.observed[k]
     named = name_with_symbol(quantity)
     unit, factor = shown_unit(quantity.unit)

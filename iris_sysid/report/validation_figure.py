@@ -31,15 +31,7 @@ class ValidatedDiagnosis:
 def validation_figure(validation: Validation) -> Figure:
     """For each quantity: the record with the simulation over time, and the residual's correlations over lags.
 
-    Parameters
-    ----------
-    validation
-        From :func:`iris_sysid.validate_fit`.
-
-    Returns
-    -------
-    Figure
-        A row a quantity: the motion, its residual's autocorrelation, and its correlation with each input.
+    A row a quantity: the motion, its residual's autocorrelation, and its correlation with each input.
     """
     d, m = len(validation.quantities), len(validation.inputs)
     figure = Figure(figsize=(4.5 + 3.0 * (1 + m), 3.0 * d), layout="constrained")

@@ -32,14 +32,7 @@ MAX_SIDE_PX = 16384
 def review_app(session: Session, token: str, hosts: Iterable[str]) -> ASGIApp:
     """The application for one session, as a page of a server on this machine asks for it.
 
-    Parameters
-    ----------
-    session
-        What is reviewed.
-    token
-        Every request must carry it.
-    hosts
-        ``address:port`` under which the server may be reached.
+    Every request must carry the token; ``hosts`` are ``address:port`` under which the server may be reached.
     """
     return Guard(page_app(session, token), token=token, hosts=hosts)
 

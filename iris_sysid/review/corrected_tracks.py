@@ -11,23 +11,13 @@ from numpy.typing import NDArray
 
 from iris_sysid.errors import DataError
 from iris_sysid.review.edits import Confirm, Delete, Drop, Edit, Place, SplitTrack, Swap
-from iris_sysid.types import Array, Doubt, Mask, Track, TrackMark, TrackQuality, mapped
+from iris_sysid.types import TRACK_MASKS, TRACK_MEASURES, Array, Doubt, Mask, Track, TrackMark, TrackQuality, mapped
 from iris_sysid.video.empty_track import empty_track
 
 # columns of a track with a value for every frame, and their value in a frame without the body
 PER_FRAME: dict[str, Any] = {
-    "xy_px": np.nan,
-    "sigma_px": np.nan,
-    "valid": False,
-    "radius_px": np.nan,
-    "angle_rad": np.nan,
-    "intensity": np.nan,
-    "area_px": np.nan,
-    "hand": False,
-    "edited": False,
-    "sigma_radius_px": np.nan,
-    "sigma_angle_rad": np.nan,
-    "sigma_intensity": np.nan,
+    **dict.fromkeys(("xy_px", "sigma_px", *TRACK_MEASURES), np.nan),
+    **dict.fromkeys(("valid", *TRACK_MASKS), False),
 }
 MAX_BODIES = 64
 IGNORED_PX = 6.0  # a click on something else than a body means what is at least as near
@@ -38,13 +28,7 @@ Whole = NDArray[np.integer[Any]]  # rows, or numbers of frames
 
 
 def corrected(tracks: Tracks, edit: Edit) -> Tracks:
-    """The tracks after an edit; as they are where it is not about tracks.
-
-    Raises
-    ------
-    DataError
-        When there is no such body or frame.
-    """
+    """The tracks after an edit; as they are where it is not about tracks. DataError where it names no body or frame."""
     match edit:
         case Place():
             return _placed(tracks, edit)

@@ -193,13 +193,7 @@ _EDIT: TypeAdapter[Edit] = TypeAdapter(Edit)
 
 
 def parse_edit(content: object) -> Edit:
-    """Read an edit from what JSON holds.
-
-    Raises
-    ------
-    DataError
-        When it is none; the text names the first key that does not fit.
-    """
+    """Read an edit from what JSON holds; the text of the DataError names the first key that does not fit."""
     try:
         return _EDIT.validate_python(content, strict=False)
     except ValidationError as error:

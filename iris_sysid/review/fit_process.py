@@ -19,25 +19,10 @@ class AbandonedError(Exception):
 
 
 def fitted_apart(fit: Callable[[Video], Run], video: Video, is_old: Callable[[], bool]) -> Run:
-    """The run that ``fit(video)`` gives, computed in another process.
+    """The run that ``fit(video)`` gives, computed in another process, where the clip is opened anew.
 
-    Parameters
-    ----------
-    fit
-        Can be pickled, and so can what it raises.
-    video
-        The clip; opened anew there.
-    is_old
-        Asked many times: the process is ended once it says True.
-
-    Raises
-    ------
-    AbandonedError
-        When it was ended.
-    FitError
-        When the process died, as without enough memory.
-    Exception
-        What ``fit`` raises.
+    ``fit`` can be pickled, and so can what it raises, which is raised here. The process is ended, with AbandonedError,
+    once ``is_old`` says True; FitError when it died, as without enough memory.
     """
     context = multiprocessing.get_context("spawn")  # a fork would copy locks that threads of the decoder hold
     here, there = context.Pipe(duplex=False)

@@ -47,13 +47,7 @@ class ReviewState:
 
 
 def after(state: ReviewState, edit: Edit, read_tracks: TrackReader) -> ReviewState:
-    """The state after an edit.
-
-    Raises
-    ------
-    IrisError
-        When the edit cannot be made; the text says why.
-    """
+    """The state after an edit; IrisError says why it cannot be made."""
     match edit:
         case Tracked():
             tracks = with_edits_of(read_tracks(edit.file), state.tracks)

@@ -41,10 +41,7 @@ class LoggedReview:
 def read_log(path: Path) -> LoggedReview:
     """Read a log; a last line that was cut off, as by a machine that stopped, is left out.
 
-    Raises
-    ------
-    DataError
-        When another line is damaged, or the file is not a log of a review.
+    DataError when another line is damaged, or the file is not a log of a review.
     """
     data = read_file(path)
     whole = data.rfind(b"\n") + 1
@@ -78,14 +75,9 @@ class LogWriter:
             os.truncate(path, whole_bytes)  # a last line that was cut off
 
     def add(self, entry: Entry, version: int) -> None:
-        """Write one line and wait until it is on disk; OutputError where it cannot be, or another process has written.
+        """Write the line of an entry, with the number of the state that it leads to, and wait until it is on disk.
 
-        Parameters
-        ----------
-        entry
-            What was done.
-        version
-            Number of the state that it leads to.
+        OutputError where it cannot be written, or another process has written.
         """
         edit = {} if entry.edit is None else {"edit": entry.edit.model_dump(mode="json")}
         if self.path.is_file() and self.path.stat().st_size != self._bytes:

@@ -33,21 +33,8 @@ def is_result(path: Path) -> bool:
 def open_clip(clip: Path, folder: Path, request: ReviewRequest) -> Session:
     """Begin a review of a clip; nothing is tracked yet.
 
-    Parameters
-    ----------
-    clip
-        Video, image sequence or archive.
-    folder
-        For the log and the results; must hold no results yet.
-    request
-        How to track and fit.
-
-    Raises
-    ------
-    VideoError
-        When the clip cannot be read.
-    DataError
-        When the folder holds a review or the results of a run already.
+    The folder takes the log and the results. VideoError when the clip cannot be read, DataError when the folder holds a
+    review or the results of a run already.
     """
     if is_result(folder):
         raise DataError(f"{folder} holds results already: open them, iris-sysid review {folder}, or give another -o")
@@ -62,19 +49,8 @@ def open_clip(clip: Path, folder: Path, request: ReviewRequest) -> Session:
 def open_result(folder: Path, clip: Path | None = None, calibration: Calibration | None = None) -> Session:
     """Open the folder of a run or of an earlier review, with all that was done.
 
-    Parameters
-    ----------
-    folder
-        With ``track.csv`` or ``review.jsonl``.
-    clip
-        The file of the clip; None looks where it was, and beside and in the folder.
-    calibration
-        Of a run that used a camera or a plane from a file.
-
-    Raises
-    ------
-    DataError
-        When a file is damaged, or the clip is not there or another one.
+    Without a clip it is looked for where it was, and beside and in the folder; a calibration is that of a run that used
+    a camera or a plane from a file. DataError when a file is damaged, or the clip is not there or another one.
     """
     log = folder / LOG_NAME
     if not log.is_file():

@@ -8,15 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from iris_sysid.review.corrected_tracks import PER_FRAME
 from iris_sysid.types import Track
 
 MAX_FRAMES = 400  # a fit of these takes about half a second
 POWER = 0.99  # of the motion, that lies below the highest frequency that has to be shown
 PER_PERIOD = 8  # samples of the highest frequency
-PER_FRAME = (
-    *("t_s", "xy_px", "sigma_px", "valid", "frame", "radius_px", "angle_rad", "intensity", "area_px"),
-    *("hand", "edited", "sigma_radius_px", "sigma_angle_rad", "sigma_intensity", "camera_motion"),
-)
 
 
 def thinned(tracks: Sequence[Track]) -> tuple[list[Track], int]:
@@ -54,7 +51,9 @@ def _largest_step(track: Track) -> int:
 
 def _rows(track: Track, rows: slice) -> Track:
     chosen: dict[str, Any] = {
-        name: getattr(track, name)[rows] for name in PER_FRAME if getattr(track, name) is not None
+        name: getattr(track, name)[rows]
+        for name in (*PER_FRAME, "t_s", "frame", "camera_motion")
+        if getattr(track, name) is not None
     }
     patterns = {source: pattern[:, rows] for source, pattern in track.intensity_patterns.items()}
     return replace(track, **chosen, intensity_patterns=patterns)

@@ -50,21 +50,10 @@ class ReviewRequest(RunRequest):
 
 
 def request_of(options: Mapping[str, Any], calibration: Calibration | None = None) -> ReviewRequest:
-    """The request that the origin of a track records.
+    """The request that the origin of a track records, ``origin["options"]``; a calibration replaces the recorded scale.
 
-    Parameters
-    ----------
-    options
-        ``origin["options"]`` of a track that ``run``, ``track`` or a review wrote.
-    calibration
-        Takes the place of the recorded scale.
-
-    Raises
-    ------
-    DataError
-        When they are damaged, or record a camera whose file has to be given again.
-    UnknownNameError
-        When the phenomenon or the tracker is not installed.
+    DataError when they are damaged, or record a camera whose file has to be given again; UnknownNameError when the
+    phenomenon or the tracker is not installed.
     """
     try:
         name = options.get("phenomenon")

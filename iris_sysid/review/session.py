@@ -69,6 +69,8 @@ class Session:
         Where the log is, and where results are saved.
     frames
         The images of the clip.
+    history
+        The edits, and what can be undone.
     fits
         The fits of the states.
     tracking
@@ -87,7 +89,7 @@ class Session:
         self.saved_version: int | None = None
         self._lock = RLock()
         self._read: dict[str, Tracks] = {}
-        self._history = History(start, self.tracks_in)
+        self.history = History(start, self.tracks_in)
         self.fits = FitQueue(self._run_of, self._preview_of)
 
     # ----------------------------------------------------------------------- state
@@ -100,30 +102,20 @@ class Session:
     @property
     def version(self) -> int:
         """Number of changes so far."""
-        return self._history.version
+        return self.history.version
 
     @property
     def state(self) -> ReviewState:
         """Tracks and request after the edits."""
-        return self._history.state
+        return self.history.state
 
     @property
     def scale_points(self) -> tuple[float, ...] | None:
         """The ends of the scale bar or the corners of the board that a person marked last, px; None without one."""
-        marked = [edit for edit in self._history.edits if isinstance(edit, ScaleBar | BoardCorners)]
+        marked = [edit for edit in self.history.edits if isinstance(edit, ScaleBar | BoardCorners)]
         if not marked:
             return None
         return marked[-1].ends if isinstance(marked[-1], ScaleBar) else marked[-1].corners
-
-    @property
-    def can_undo(self) -> bool:
-        """Whether there is an edit to undo."""
-        return self._history.can_undo
-
-    @property
-    def can_redo(self) -> bool:
-        """Whether there is an edit to redo."""
-        return self._history.can_redo
 
     @property
     def n_frames(self) -> int:
@@ -138,30 +130,15 @@ class Session:
 
     def replay(self, entry: Entry) -> None:
         """Take over an ``entry`` that the log holds already. DataError when it does not fit to those before."""
-        self._history.made(entry, self._history.tried(entry))
+        self.history.made(entry, self.history.tried(entry))
         if entry.what == "save":
             self.saved_version = self.version
 
     def change(self, what: str, version: int, edit: Edit | None = None) -> int:
-        """Make an edit, an undo or a redo, once it is in the log; gives the new version.
+        """Make an edit, an ``undo`` or a ``redo``, once it is in the log; gives the new version.
 
-        Parameters
-        ----------
-        what
-            ``edit``, ``undo`` or ``redo``.
-        version
-            The version that the person saw.
-        edit
-            The edit, where it is one.
-
-        Raises
-        ------
-        BehindError
-            When there is a later version.
-        ReplacedError
-            When the clip was replaced.
-        IrisError
-            When the edit cannot be made, or the log cannot be written; nothing has changed then.
+        ``version`` is the one that the person saw: BehindError when there is a later one, ReplacedError when the clip
+        was replaced, IrisError when the edit cannot be made, or the log cannot be written; nothing has changed then.
         """
         if isinstance(edit, Tracked):
             raise DataError("tracks come from the tracker: ask for tracking instead")
@@ -172,9 +149,9 @@ class Session:
 
     def _make(self, entry: Entry) -> int:
         self.check_clip()
-        state = self._history.tried(entry)
+        state = self.history.tried(entry)
         self._log.add(entry, self.version + 1)
-        self._history.made(entry, state)
+        self.history.made(entry, state)
         self.fits.ask(self.version, state)
         return self.version
 
@@ -186,12 +163,7 @@ class Session:
     def jpeg(self, number: int, width: int | None = None) -> bytes:
         """The frame of that ``number`` as JPEG, at most ``width`` px wide.
 
-        Raises
-        ------
-        VideoError
-            When there is no such frame.
-        ReplacedError
-            When the clip was replaced.
+        VideoError when there is no such frame, ReplacedError when the clip was replaced.
         """
         self.check_clip()
         return self.frames.jpeg(number, width)
@@ -376,12 +348,7 @@ class Session:
 def marked_all(options: TrackOptions, tracks: Sequence[Track]) -> TrackOptions:
     """The options with every body marked where some are, as the tracker needs it.
 
-    Parameters
-    ----------
-    options
-        With the marks that a person made.
-    tracks
-        The other bodies are marked where these have them, in the frame nearest to the first mark.
+    The other bodies are marked where the tracks have them, in the frame nearest to the first mark.
     """
     named = {mark.body for mark in options.marks}
     others = [track for track in tracks if track.body not in named and track.n_valid]
@@ -397,10 +364,7 @@ def marked_all(options: TrackOptions, tracks: Sequence[Track]) -> TrackOptions:
 def followed(video: Video, request: ReviewRequest, options: TrackOptions) -> list[Track]:
     """The tracks of a request: what is to be ignored is followed like a body, and then left out.
 
-    Raises
-    ------
-    TrackingError
-        When the bodies cannot be followed, or only what is to be ignored is found.
+    TrackingError when the bodies cannot be followed, or only what is to be ignored is found.
     """
     hands = _with_names(request.ignored)
     if not hands:

@@ -32,8 +32,8 @@ def state_view(session: Session, known: Sequence[Track] = ()) -> dict[str, Any]:
     return {
         "version": session.version,
         "saved": session.saved_version,
-        "can_undo": session.can_undo,
-        "can_redo": session.can_redo,
+        "can_undo": session.history.can_undo,
+        "can_redo": session.history.can_redo,
         "tracks": [
             {"body": track.body} if any(track is old for old in known) else _track(track) for track in state.tracks
         ],

@@ -70,11 +70,6 @@ def wall(size: tuple[int, int], colour: Colour, glossy: bool, look: Look, rng: n
         Strength of the texture, and whether marks are drawn.
     rng
         Source of the texture.
-
-    Returns
-    -------
-    Planes
-        Planes to paint props on and then to light.
     """
     width, height = size
     luma, blue, red = ycbcr(colour)

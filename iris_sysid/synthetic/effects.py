@@ -39,21 +39,8 @@ CAMERA: Mapping[str, str] = {
 def check_effects(effects: Mapping[str, float], accepted: Mapping[str, str], scene: str) -> dict[str, float]:
     """Copy the effects after checking that the scene has them and that their sizes are finite numbers.
 
-    Parameters
-    ----------
-    effects
-        Size of each effect by name.
-    accepted
-        Names the scene accepts besides those of the camera, with their meaning.
-    scene
-        Its name, for the message.
-
-    Raises
-    ------
-    UnknownNameError
-        When the scene has no effect of a name; lists the names.
-    DataError
-        When a size is not a finite number.
+    ``accepted`` are the scene's own effects, beside those of the camera. UnknownNameError lists the names, DataError
+    says when a size is not a finite number.
     """
     known = [*accepted, *CAMERA]
     for name, size in effects.items():

@@ -103,11 +103,6 @@ def integrate(phase: Phase, state: Array, start_s: float, stop_s: float) -> Scen
     start_s, stop_s
         Time span, s.
 
-    Returns
-    -------
-    Motion
-        Dense solution.
-
     Raises
     ------
     DataError

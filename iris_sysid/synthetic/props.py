@@ -105,15 +105,7 @@ def _ring(x_m: float, z_m: float, radius_m: float, width_m: float) -> Array:
 
 
 def tape(places: list[tuple[float, float]], width_m: float = 0.014, height_m: float = 0.008) -> list[Layer]:
-    """Small pieces of black tape on the wall, slightly askew, centred at the places (x, z).
-
-    Parameters
-    ----------
-    places
-        Centres, m.
-    width_m, height_m
-        Size of a piece.
-    """
+    """Small pieces of black tape of that size on the wall, slightly askew, centred at the places (x, z), m."""
     return [Layer(static(box(x, z, width_m, height_m, 0.12 * math.sin(17 * x + 5 * z))), BLACK) for x, z in places]
 
 

@@ -75,17 +75,7 @@ def truth_paths(clip: str | Path) -> tuple[Path, Path, Path]:
 
 
 def write_truth(truth: Truth, clip: str | Path, *, overwrite: bool = False) -> None:
-    """Write CLIP.truth.json, CLIP.truth.csv and, apart from them, CLIP.hidden.json.
-
-    Parameters
-    ----------
-    truth
-        The truth to write.
-    clip
-        The clip beside which the files go.
-    overwrite
-        Replace files that are there.
-    """
+    """Write CLIP.truth.json, CLIP.truth.csv and, apart from them, CLIP.hidden.json beside a clip."""
     truth_path, table, hidden = truth_paths(clip)
     write_atomic(table, truth.table.to_csv(index=False, lineterminator="\n"), overwrite=overwrite)
     write_atomic(hidden, json_text(_hidden(truth)), overwrite=overwrite)

@@ -18,15 +18,9 @@ BETTER = 10.0  # times less that it must leave with them; on 240 clips without a
 def lost_time(t_s: Array, values: Array, scale: Array) -> Array:
     """Time (n,) in s that all frames missing before each sample would have taken.
 
-    The body is ahead by the way of whole frames, and with these given back one parabola fits what is before and what
-    is after: the same motion goes on. At an impact or a release the velocity changes, so that none does.
-
-    Parameters
-    ----------
-    t_s, values
-        (n,) s and (n, d), n samples in time order.
-    scale
-        (d,) standard deviation of a sample.
+    Samples are at ``t_s`` (n,), their ``values`` (n, d) scatter by ``scale`` (d,). The body is ahead by the way of
+    whole frames, and with these given back one parabola fits what is before and what is after: the same motion goes on.
+    At an impact or a release the velocity changes, so that none does.
     """
     missing_s, scaled = np.zeros(t_s.size), values / scale
     for step, lost_s in _ahead(t_s, scaled):

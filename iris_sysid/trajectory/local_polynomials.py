@@ -88,12 +88,7 @@ def noise(t_s: Array, values: Array) -> Array:
 def velocity(t_s: Array, values: Array, width: int) -> tuple[Array, Array]:
     """Velocity (n, d) from the straight line through ``width`` samples around each, and its error (n,) per unit noise.
 
-    Parameters
-    ----------
-    t_s, values
-        (n,) s and (n, d).
-    width
-        Samples of each line; fewer where there are fewer, and an infinite error for a single one.
+    Times (n,) are in s. Each line has fewer samples where there are fewer, and an infinite error for a single one.
     """
     width = min(width, t_s.size)
     if width < 2:

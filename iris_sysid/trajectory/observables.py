@@ -23,24 +23,8 @@ OF_TRACK = {
 def measured(track: Track, calibration: Calibration, phenomenon: Phenomenon) -> Trajectory:
     """What the phenomenon measures of one body: x and z, z alone, or the radius, angle or intensity of the track.
 
-    Parameters
-    ----------
-    track
-        One body, px and s.
-    calibration
-        Pixels to metres; it does not act on radius, angle and intensity.
-    phenomenon
-        Says what is measured.
-
-    Returns
-    -------
-    Trajectory
-        Without segments.
-
-    Raises
-    ------
-    DataError
-        When the track lacks the requested quantity: another kind of tracker made it.
+    The calibration does not act on radius, angle and intensity. The trajectory has no segments. DataError when the
+    track lacks the requested quantity: another kind of tracker made it.
     """
     world = to_world(track, calibration)
     if phenomenon.measures == "position":
@@ -88,21 +72,9 @@ def segmented(track: Track, calibration: Calibration, phenomenon: Phenomenon) ->
 
 
 def observed(phenomenon: Phenomenon, world: Sequence[Trajectory], known: Mapping[str, Estimate]) -> Trajectory:
-    """What a phenomenon observes of the bodies.
+    """What a phenomenon observes of the bodies, x and z in m or px with segments, and of ``known`` values by name.
 
-    Parameters
-    ----------
-    phenomenon
-        Turns positions into what its model observes.
-    world
-        x and z of each body, segmented, in m or px.
-    known
-        Values of the model and of the scene, by name.
-
-    Raises
-    ------
-    DataError
-        When the motion does not show it; the text names the phenomenon that the path looks like.
+    DataError when the motion does not show it; the text names the phenomenon that the path looks like.
     """
     try:
         return phenomenon.observe(world, known)

@@ -26,12 +26,7 @@ class StraightPart:
 def straight_part(t_s: Array, position: Array, scale: Array) -> StraightPart:
     """The longest stretch on one straight line, monotone, from where it is slowest if it speeds up.
 
-    Parameters
-    ----------
-    t_s, position
-        (n,) s and (n, 2).
-    scale
-        (2,) standard deviation of a sample.
+    Positions (n, 2) at times (n,) s scatter by ``scale`` (2,).
     """
     origin, direction = _robust_line(position, scale)
     across = (position - origin) @ np.array([-direction[1], direction[0]])

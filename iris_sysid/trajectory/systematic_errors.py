@@ -76,19 +76,9 @@ def _tried(observe: Callable[[Calibration], Array], calibration: Calibration, ch
 
 
 def from_clock(trajectory: Trajectory, relative_stderr: float) -> dict[str, Array]:
-    """The pattern of a clock that runs fast: velocity times the time since the first sample.
+    """The pattern (1, n, d) of a clock that runs fast: velocity times the time, s, since the first sample.
 
-    Parameters
-    ----------
-    trajectory
-        Smoothed.
-    relative_stderr
-        Relative standard error of the frame rate.
-
-    Returns
-    -------
-    dict
-        One pattern (1, n, d) under ``time base``; nothing for an exact clock.
+    It is under ``time base``; nothing for a relative standard error of the frame rate of zero.
     """
     if relative_stderr == 0 or trajectory.smoothed is None:
         return {}
@@ -97,19 +87,9 @@ def from_clock(trajectory: Trajectory, relative_stderr: float) -> dict[str, Arra
 
 
 def from_edge(trajectory: Trajectory, phenomenon: Phenomenon) -> dict[str, Array]:
-    """The pattern of an edge that is seen too far out in all frames: a radius in px that is too large by the same.
+    """The pattern (1, n, d) of an edge that is seen too far out in all frames: a radius in px, too large by the same.
 
-    Parameters
-    ----------
-    trajectory
-        What is observed.
-    phenomenon
-        Says whether that is a radius.
-
-    Returns
-    -------
-    dict
-        One pattern (1, n, d) under ``edge of the ball``; nothing for anything but a radius.
+    It is under ``edge of the ball``; nothing for anything but a radius.
     """
     if phenomenon.measures != "radius":
         return {}
@@ -117,22 +97,11 @@ def from_edge(trajectory: Trajectory, phenomenon: Phenomenon) -> dict[str, Array
 
 
 def from_axis(trajectory: Trajectory, phenomenon: Phenomenon) -> dict[str, Array]:
-    """The patterns of errors of an angle that come back with every turn, one to four times in each.
+    """The patterns (8, n, d) of errors of an angle that come back with every turn, one to four times in each.
 
     An axis that is taken beside where it is leaves the first, uneven light and a body that is learned under it those of
-    higher order. Over a short arc they look like the motion itself. Patterns are in the observed units.
-
-    Parameters
-    ----------
-    trajectory
-        What is observed.
-    phenomenon
-        Says whether that is the angle of something that turns.
-
-    Returns
-    -------
-    dict
-        Eight patterns (8, n, d) under ``axis of the turn``; nothing for anything but an angle.
+    higher order. Over a short arc they look like the motion itself. They are in the observed units, under ``axis of the
+    turn``; nothing for anything but the angle of something that turns.
     """
     if phenomenon.measures != "angle":
         return {}
@@ -144,19 +113,10 @@ def from_axis(trajectory: Trajectory, phenomenon: Phenomenon) -> dict[str, Array
 
 
 def from_pivots(trajectory: Trajectory) -> dict[str, Array]:
-    """The patterns of pivots that are taken beside where they are, for two bodies whose angles are about their own.
+    """The patterns (r, n, d), rad, of pivots that are taken beside where they are, for two bodies about their own.
 
-    Patterns are in rad.
-
-    Parameters
-    ----------
-    trajectory
-        What is observed; its geometry holds ``pivot_across_1`` and so on, errors over the radius of each arc.
-
-    Returns
-    -------
-    dict
-        Patterns (r, n, d) under ``pivots``, one sideways and one upwards for each body; nothing without that geometry.
+    They are under ``pivots``, one sideways and one upwards for each body; nothing where the geometry does not hold
+    ``pivot_across_1`` and so on, errors over the radius of each arc.
     """
     angle = np.where(trajectory.valid[:, None], trajectory.position, np.nan)
     ways = (("across", np.cos), ("along", np.sin))
@@ -172,21 +132,9 @@ def from_pivots(trajectory: Trajectory) -> dict[str, Array]:
 
 
 def from_brightness(track: Track, phenomenon: Phenomenon) -> dict[str, Array]:
-    """The patterns of errors that all intensities of a track have in common: transfer function, compression, exposure.
+    """The patterns (r, n, 1), by source, of errors that all intensities of a track have in common, in their unit.
 
-    Patterns are in the unit of the intensity.
-
-    Parameters
-    ----------
-    track
-        From which the observable was made, sample by sample.
-    phenomenon
-        Says whether that is an intensity.
-
-    Returns
-    -------
-    dict
-        By source, patterns (r, n, 1); nothing for anything but an intensity.
+    They are those of transfer function, compression, exposure; nothing for anything but an intensity.
     """
     if phenomenon.measures != "intensity":
         return {}
@@ -194,24 +142,10 @@ def from_brightness(track: Track, phenomenon: Phenomenon) -> dict[str, Array]:
 
 
 def from_surface(trajectory: Trajectory, track: Track, phenomenon: Phenomenon) -> dict[str, Array]:
-    """The patterns of a liquid's surface that is seen too high while it passes some rows of the image, e.g. of texture.
+    """The patterns (r, n, 1) of a liquid's surface that is seen too high while it passes some rows, e.g. of texture.
 
-    Patterns are in the observed unit.
-
-    Parameters
-    ----------
-    trajectory
-        What is observed.
-    track
-        From which it was made, sample by sample.
-    phenomenon
-        Says whether that is a height.
-
-    Returns
-    -------
-    dict
-        Patterns (r, n, 1) under ``surface``, one for every 16 rows, which fade towards the next; nothing for anything
-        but a height.
+    They are in the observed unit, under ``surface``, one for every 16 rows, which fade towards the next; nothing for
+    anything but a height.
     """
     seen = trajectory.valid & track.valid
     if phenomenon.measures != "height" or not seen.any():

@@ -21,28 +21,10 @@ MAX_STDERR = 0.1  # rad: beyond it the image's own vertical is the better guess
 
 
 def with_motion_vertical(calibration: Calibration, body: Track, kind: MotionKind) -> Calibration:
-    """Turn the world so that a body in free flight accelerates straight down.
+    """Turn the world so that a body in free flight accelerates straight down; the budget has the part ``vertical``.
 
-    A parabola is fitted to x and z over time; up is against its acceleration.
-
-    Parameters
-    ----------
-    calibration
-        Of the plane.
-    body
-        The body that falls or is thrown.
-    kind
-        How it moves; only a ``flight`` shows gravity's direction by itself.
-
-    Returns
-    -------
-    Calibration
-        Its budget has the part ``vertical``.
-
-    Raises
-    ------
-    CalibrationError
-        When the motion is not a flight, or does not fix the direction.
+    A parabola is fitted to x and z over time; up is against its acceleration. CalibrationError when the motion is not a
+    ``flight``, which alone shows gravity's direction by itself, or does not fix the direction.
     """
     if kind != "flight":
         raise CalibrationError(

@@ -62,14 +62,9 @@ class SmootherStart:
     covariance: Array
 
     def earlier(self, t: float, state: Array, covariance: Array) -> tuple[Array, Array]:
-        """State (3,) and covariance (3, 3) at a time t before the third measurement.
+        """State (3,) and covariance (3, 3) at a time before the third measurement, from those smoothed there.
 
-        Parameters
-        ----------
-        t
-            Time, in the unit of ``self.t``.
-        state, covariance
-            Smoothed, at the third measurement, given all data.
+        The time is in the unit of ``self.t``.
         """
         before = self.t[2] - self.t[:2]
         design = np.array([transition(-dt)[0] for dt in before])

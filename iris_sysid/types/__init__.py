@@ -18,6 +18,7 @@ from iris_sysid.types._calibration import VerticalSource as VerticalSource
 from iris_sysid.types._camera_motion import CameraMotion as CameraMotion
 from iris_sysid.types._camera_motion import mapped as mapped
 from iris_sysid.types._clip import TRACK_MASKS as TRACK_MASKS
+from iris_sysid.types._clip import TRACK_MEASURES as TRACK_MEASURES
 from iris_sysid.types._clip import TRACK_SIGMAS as TRACK_SIGMAS
 from iris_sysid.types._clip import Frame as Frame
 from iris_sysid.types._clip import FrameSource as FrameSource

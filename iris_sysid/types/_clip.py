@@ -98,6 +98,7 @@ class TrackOptions:
 
 
 TRACK_SIGMAS = ("sigma_radius_px", "sigma_angle_rad", "sigma_intensity")
+TRACK_MEASURES = ("radius_px", "angle_rad", "intensity", "area_px", *TRACK_SIGMAS)  # NaN in a gap
 TRACK_MASKS = ("hand", "edited")
 
 
@@ -160,7 +161,7 @@ class Track(Shown, Portable):
             raise DataError(f"frame must have shape ({n},), not {frame.shape}")
         frame.flags.writeable = False
         object.__setattr__(self, "frame", frame)
-        for name in ("radius_px", "angle_rad", "intensity", "area_px", *TRACK_SIGMAS):
+        for name in TRACK_MEASURES:
             if getattr(self, name) is not None:
                 object.__setattr__(self, name, frozen_array(getattr(self, name), (n,), name))
         patterns = {

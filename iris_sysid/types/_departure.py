@@ -14,15 +14,8 @@ MIN_DISPLACEMENT_FRACTION = 0.01  # a displacement below this fraction of the la
 def departure(position: Array, noise: float) -> int:
     """First sample of the motion: its displacement from the rest position and every later one exceed the threshold.
 
-    The rest position is the median of the first ``N_REST_SAMPLES`` samples. A body that does not move
-    has no such sample; the result is then the number of samples.
-
-    Parameters
-    ----------
-    position
-        (n, d) positions of the body, in any unit.
-    noise
-        Standard deviation of a position, in that unit.
+    The rest position is the median of the first ``N_REST_SAMPLES`` positions (n, d), in any unit, which is that of the
+    noise of one. A body that does not move has no such sample; the result is then the number of samples.
     """
     if len(position) <= N_REST_SAMPLES:
         return len(position)

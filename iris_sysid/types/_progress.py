@@ -42,17 +42,7 @@ def with_progress(
 
 
 def part_of_progress(progress: Progress | None, part: int, parts: int) -> Progress | None:
-    """Progress of one of several parts of equal length, reported as progress of the whole.
-
-    Parameters
-    ----------
-    progress
-        Progress of the whole; None gives None.
-    part
-        Number of the part, from 0.
-    parts
-        Number of parts.
-    """
+    """Progress of the ``part``-th, from 0, of several parts of equal length, reported as progress of the whole."""
     if progress is None:
         return None
     return lambda done, expected: progress((done + part * expected) // parts, expected)

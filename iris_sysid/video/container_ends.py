@@ -21,14 +21,9 @@ ASF_BROADCAST = 0x01
 
 
 def truncation_reason(path: Path, kind: str) -> str:
-    """Why the file's structure is not whole to its end; empty where it is, or where the format does not tell.
+    """Why a file's structure is not whole to its end; empty where it is, or where its format does not tell.
 
-    Parameters
-    ----------
-    path
-        The file.
-    kind
-        Name of its format, as the demuxer has it.
+    ``kind`` is the name of its format, as the demuxer has it.
     """
     for name, check in CHECKS.items():
         if name in kind.split(","):

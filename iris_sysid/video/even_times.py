@@ -42,14 +42,8 @@ def is_coarse(rate: Fraction | None, time_base: Fraction | None) -> bool:
 def even_times(stamps: Sequence[int], rates: Iterable[Fraction | None], time_base: Fraction) -> EvenTimes | None:
     """The even rate whose rounded times are the stamps; None where there is none, or nothing is rounded.
 
-    Parameters
-    ----------
-    stamps
-        Of all frames in display order, in units of ``time_base``; frames that were dropped leave gaps.
-    rates
-        Rates that the header states, 1/s.
-    time_base
-        Unit of the stamps, s.
+    Stamps are those of all frames in display order, in units of ``time_base`` s, with gaps where frames were dropped;
+    ``rates`` are those that the header states, 1/s.
     """
     if len(stamps) < MIN_FRAMES:
         return None

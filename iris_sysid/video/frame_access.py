@@ -59,13 +59,7 @@ class FrameAccess:
         self._worker.join(timeout=5.0)
 
     def frame(self, number: int) -> Frame:
-        """The frame of that number in the file.
-
-        Raises
-        ------
-        VideoError
-            When there is no such frame, or it cannot be decoded.
-        """
+        """The frame of that number in the file; VideoError when there is none, or it cannot be decoded."""
         found = self._kept(number)
         if found is None:
             with self._decoding:

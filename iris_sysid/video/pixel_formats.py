@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache
 from typing import Any, cast
 
 import av
@@ -42,39 +41,7 @@ _SD_LINES = 576  # of an image whose matrix is not stated, up to which it is tha
 # OpenCV is imported where it is used: most clips need none of it, and it takes long to load.
 
 
-def _rotated(array: Bytes, *, code: str) -> Bytes:
-    import cv2
-
-    return np.asarray(cv2.rotate(array, getattr(cv2, code)))
-
-
-def _flipped(array: Bytes, *, code: int) -> Bytes:
-    import cv2
-
-    return np.asarray(cv2.flip(array, code))
-
-
-def _transposed(array: Bytes) -> Bytes:
-    import cv2
-
-    return np.asarray(cv2.transpose(array))
-
-
-def _turned_about_both(array: Bytes) -> Bytes:
-    return _rotated(_transposed(array), code="ROTATE_180")
-
-
-# (transposed, then mirrored left-right, then mirrored up-down): how to do it, clockwise degrees, whether mirrored
-_TURNS: dict[tuple[bool, bool, bool], tuple[Callable[[Bytes], Bytes] | None, int, bool]] = {
-    (False, False, False): (None, 0, False),
-    (True, True, False): (partial(_rotated, code="ROTATE_90_CLOCKWISE"), 90, False),
-    (False, True, True): (partial(_rotated, code="ROTATE_180"), 180, False),
-    (True, False, True): (partial(_rotated, code="ROTATE_90_COUNTERCLOCKWISE"), 270, False),
-    (False, True, False): (partial(_flipped, code=1), 0, True),
-    (True, False, False): (_transposed, 90, True),
-    (False, False, True): (partial(_flipped, code=0), 180, True),
-    (True, True, True): (_turned_about_both, 270, True),
-}
+# transposed, then mirrored left-right, then mirrored up-down, by degrees
 _COUNTERCLOCKWISE = {
     0: (False, False, False),
     90: (True, False, True),
@@ -92,18 +59,9 @@ class Orientation:
     mirrored_y: bool = False
 
     @property
-    def _turn(self) -> tuple[Callable[[Bytes], Bytes] | None, int, bool]:
-        return _TURNS[self.transposed, self.mirrored_x, self.mirrored_y]
-
-    @property
     def rotation_deg(self) -> int:
         """Clockwise rotation from the coded to the displayed image: 0, 90, 180 or 270 (after mirroring, if any)."""
-        return self._turn[1]
-
-    @property
-    def mirrored(self) -> bool:
-        """Whether the displayed image is a mirror image of the coded one."""
-        return self._turn[2]
+        return 90 * self.transposed + 180 * self.mirrored_y
 
     def size(self, width: int, height: int) -> tuple[int, int]:
         """Displayed width and height of a coded image of that width and height."""
@@ -111,8 +69,14 @@ class Orientation:
 
     def turn(self, array: Bytes) -> Bytes:
         """The array (h, w) or (h, w, 3) as displayed; itself when nothing is to be done, else a copy."""
-        turn = self._turn[0]
-        return array if turn is None else np.asarray(turn(array))
+        if self == UPRIGHT:
+            return array
+        import cv2
+
+        turned = cv2.transpose(array) if self.transposed else array
+        if self.mirrored_x or self.mirrored_y:
+            turned = cv2.flip(turned, -1 if self.mirrored_x and self.mirrored_y else int(self.mirrored_x))
+        return np.asarray(turned)
 
 
 UPRIGHT = Orientation()

@@ -255,12 +255,8 @@ class Video:
     def frames_from(self, number: int) -> Iterator[Frame]:
         """The frames of the file from that number on, whatever part is wanted, without the checks of :meth:`frames`.
 
-        Decoding starts at the key frame before it; at the first frame where only decoding tells the times.
-
-        Raises
-        ------
-        VideoError
-            Where the file is damaged.
+        Decoding starts at the key frame before it; at the first frame where only decoding tells the times. VideoError
+        where the file is damaged.
         """
         try:
             if not self._survey:

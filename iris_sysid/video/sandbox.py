@@ -62,19 +62,9 @@ def share_pools() -> None:
 
 
 def run_limited(code: str, arguments: Sequence[str]) -> int:
-    """Run Python code in a process with limits, and return its exit status.
+    """Run Python code, whose ``sys.argv[1:]`` are the arguments, in a process with limits; return its exit status.
 
-    Parameters
-    ----------
-    code
-        Statements, in which ``sys.argv[1:]`` are the arguments.
-    arguments
-        As text.
-
-    Raises
-    ------
-    IrisError
-        When the process was ended by the system: it crashed, or took too much.
+    IrisError when the process was ended by the system: it crashed, or took too much.
     """
     # -P: no module of the folder in which the command is given, whose files may be the untrusted ones
     ended = subprocess.run([sys.executable, "-P", "-c", _LIMITED + code, *arguments], check=False).returncode

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.special import erf
 
+from iris_sysid.calibration.board import frame_selection
 from iris_sysid.calibration.board.board import Board, BoardView
 from iris_sysid.calibration.board.corner_equations import corner_equations
 from iris_sysid.calibration.board.detect import find_board, find_boards
@@ -242,9 +243,9 @@ def test_board_that_makes_no_sense_is_refused(values, match):
 
 def test_view_refuses_corners_that_cannot_be():
     with pytest.raises(DataError, match="different corner numbers"):
-        BoardView("v", SIZE, [0, 0], np.zeros((2, 2)), np.zeros(2), 9.0, 1.0, True)
+        BoardView("v", SIZE, [0, 0], np.zeros((2, 2)), np.zeros(2), 1.0, True)
     with pytest.raises(DataError, match="not finite"):
-        BoardView("v", SIZE, [0, 1], np.full((2, 2), np.nan), np.zeros(2), 9.0, 1.0, True)
+        BoardView("v", SIZE, [0, 1], np.full((2, 2), np.nan), np.zeros(2), 1.0, True)
     with pytest.raises(CalibrationError, match="found with another board"):
         view_of_corners(corners(pose()), SIZE, BOARD).points_m(Board(5, 4, 0.03))
 
@@ -282,9 +283,7 @@ def clip():
 @pytest.mark.parametrize("promises", [None, 0])
 def test_frames_are_chosen_sharp_and_different(clip, promises):
     done = []
-    chosen = choose_frames(
-        Clip(clip.pictures, promises), BOARD, count=10, examine=20, progress=lambda *now: done.append(now)
-    )
+    chosen = choose_frames(Clip(clip.pictures, promises), BOARD, lambda *now: done.append(now))
     assert (chosen.n_examined, chosen.n_seen) == (11, 10)
     assert len(chosen.views) == 5
     assert chosen.n_blurred == 1
@@ -297,13 +296,14 @@ def test_frames_are_chosen_sharp_and_different(clip, promises):
     assert chosen.summary.startswith("5 frames chosen of 11 examined")
 
 
-def test_fewer_frames_are_chosen_so_that_they_differ_most(clip):
-    assert len(choose_frames(clip, BOARD, count=3).views) == 3
+def test_fewer_frames_are_chosen_so_that_they_differ_most(monkeypatch, clip):
+    monkeypatch.setattr(frame_selection, "MAX_VIEWS", 3)
+    assert len(choose_frames(clip, BOARD).views) == 3
 
 
-def test_fewer_frames_are_examined_than_the_clip_has(clip):
-    chosen = choose_frames(Clip(clip.pictures * 4), BOARD, count=4, examine=11)
-    assert chosen.n_examined == 11
+def test_fewer_frames_are_examined_than_the_clip_has(monkeypatch, clip):
+    monkeypatch.setattr(frame_selection, "EXAMINED", 11)
+    assert choose_frames(Clip(clip.pictures * 4), BOARD).n_examined == 11
 
 
 @pytest.mark.parametrize(
@@ -317,11 +317,6 @@ def test_fewer_frames_are_examined_than_the_clip_has(clip):
 def test_clip_without_the_board_says_why(clip, pictures, board, match):
     with pytest.raises(CalibrationError, match=match):
         choose_frames(Clip(clip.pictures[:2] if pictures == "two" else pictures), board)
-
-
-def test_choosing_no_frame_is_refused(clip):
-    with pytest.raises(CalibrationError, match="cannot choose 0"):
-        choose_frames(clip, BOARD, count=0)
 
 
 def test_distorted_and_straight_cameras_see_different_corners():

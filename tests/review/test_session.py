@@ -213,7 +213,7 @@ def test_review_that_died_goes_on_where_it_was(page, session, opened):
     page.step("undo")
     again = opened(session.folder)  # nothing was closed or saved
     assert again.version == session.version
-    assert again.can_redo
+    assert again.history.can_redo
     assert again.state.tracks[0].xy_px[50].tolist() == [1.0, 2.0]
     assert [track.body for track in again.state.tracks] == ["1"]
 

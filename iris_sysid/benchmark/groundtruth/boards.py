@@ -44,23 +44,10 @@ def calibrate_board(folder: Path, job: BoardJob) -> str:
 
 
 def board_of(clip: Path, class_name: str, measured: MeasuredDocument) -> BoardEntry:
-    """The board in a clip: as measured by hand, else from ``checkerboard.json`` beside it.
+    """The board in the ``clip`` of a class: as ``measured`` by hand, else from ``checkerboard.json`` beside it.
 
-    A synthetic clip has ``checkerboard.truth.json`` instead; only the board is read from it.
-
-    Parameters
-    ----------
-    clip
-        ``checkerboard.mp4`` of a class.
-    class_name
-        The class.
-    measured
-        The direct measurements.
-
-    Raises
-    ------
-    CalibrationError
-        When neither gives the board, or a rendered clip has another one.
+    A synthetic clip has ``checkerboard.truth.json`` instead; only the board is read from it. CalibrationError when
+    neither gives the board, or a rendered clip has another one.
     """
     stated = measured.board(class_name)
     if stated is not None:
@@ -102,19 +89,9 @@ def _read_board(path: Path) -> BoardEntry:
 
 
 def scale_class(scale: ScaleEntry, folder: Path) -> Path:
-    """Write the calibration of a class by a stated scale; the camera is assumed to look straight at it.
+    """Write the calibration of a class by a stated scale into a folder; CalibrationError when it cannot be read.
 
-    Parameters
-    ----------
-    scale
-        As stated.
-    folder
-        Folder of the result.
-
-    Raises
-    ------
-    CalibrationError
-        When the scale cannot be read.
+    The camera is assumed to look straight at the plane.
     """
     bar = "," in scale.scale.partition("=")[0]
     calibration = scale_bar_from_text(scale.scale) if bar else scale_from_text(scale.scale)
@@ -122,28 +99,10 @@ def scale_class(scale: ScaleEntry, folder: Path) -> Path:
 
 
 def calibrate_class(clip: Path, board: BoardEntry, folder: Path) -> Path:
-    """Calibrate by the clip of a board and write ``calibration.json``, unless it is up to date.
+    """Calibrate by the clip of a board and write ``calibration.json`` into a folder, unless it is up to date; its path.
 
-    The first view that shows the board is taken to be in the plane of motion.
-
-    Parameters
-    ----------
-    clip
-        Clip of the board.
-    board
-        Its corners and squares.
-    folder
-        Folder of the result.
-
-    Returns
-    -------
-    Path
-        The file.
-
-    Raises
-    ------
-    CalibrationError, VideoError
-        When the clip does not determine metres per pixel.
+    The first view that shows the board is taken to be in the plane of motion. CalibrationError or VideoError when the
+    clip does not determine metres per pixel.
     """
     path, origin_path = folder / NAME, folder / ORIGIN
     corners = f"{board.inner_corners[0]}x{board.inner_corners[1]}"

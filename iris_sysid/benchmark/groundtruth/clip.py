@@ -72,22 +72,8 @@ class ClipJob:
 def measure_clip(job: ClipJob) -> tuple[bool, str]:
     """Measure one clip and write its files, unless they are up to date.
 
-    Parameters
-    ----------
-    job
-        The clip.
-
-    Returns
-    -------
-    now : bool
-        Whether it was measured now.
-    reason : str
-        The reason of a failure, else empty.
-
-    Raises
-    ------
-    OutputError
-        When a file cannot be written.
+    Returns whether it was measured now, and the reason of a failure, else empty. OutputError when a file cannot be
+    written.
     """
     try:
         origin = _origin(job)
@@ -173,19 +159,10 @@ def _calibration(job: ClipJob) -> Calibration:
 def known_to_fit(
     phenomenon: Phenomenon, known: Mapping[str, Estimate], calibration: Calibration
 ) -> tuple[dict[str, Estimate], list[str]]:
-    """The known values that the fit of a clip uses, and what it estimates in addition.
+    """The ``known`` values that the fit of a clip uses, and what it estimates in addition.
 
-    A ball's radius times the focal length of a calibrated camera is the constant of its apparent size; with this
-    constant the fall determines gravity.
-
-    Parameters
-    ----------
-    phenomenon
-        Its model is fitted.
-    known
-        By name; only gravity, the ball's radius and its initial distance are used.
-    calibration
-        With or without a camera.
+    Only gravity, the ball's radius and its initial distance are used. A ball's radius times the focal length of a
+    calibrated camera is the constant of its apparent size; with this constant the fall determines gravity.
     """
     estimated = {parameter.name for parameter in MODELS[phenomenon.model].parameters if not parameter.constant}
     accepted = accepted_settings(phenomenon)

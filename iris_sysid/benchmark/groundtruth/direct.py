@@ -20,13 +20,7 @@ INSTRUMENTS = {"m": "tape measure, mean of three", "deg": "protractor or inclino
 
 
 def read_measured(path: str | Path) -> MeasuredDocument:
-    """Read and check the file of direct measurements.
-
-    Raises
-    ------
-    DataError
-        When it is not such a file, or gives a value twice.
-    """
+    """Read and check a file of direct measurements; DataError when it is not one, or gives a value twice."""
     document = read_document(path, MeasuredDocument)
     seen = set()
     for value in document.values:

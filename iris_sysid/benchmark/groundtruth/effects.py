@@ -15,18 +15,7 @@ MAX_CLIPS = 3  # of a setting; the diagnosis refits each of them for every effec
 
 
 def lacking_effects(clips: Sequence[ClipMeasurement]) -> list[str]:
-    """Diagnose the first clips of a setting jointly.
-
-    Parameters
-    ----------
-    clips
-        Of one setting.
-
-    Returns
-    -------
-    list of str
-        The text of the diagnosis with its notes, or the reason why there is none.
-    """
+    """Diagnose the first clips of a setting jointly: the text with its notes, or the reason why there is none."""
     usable = [clip for clip in clips if clip.document.usable][:MAX_CLIPS]
     trajectories: list[Trajectory] = [trajectory for clip in usable if (trajectory := clip.trajectory()) is not None]
     if not trajectories:

@@ -12,7 +12,7 @@ from iris_sysid.benchmark.groundtruth.pool import in_published_unit, regenerate
 from iris_sysid.errors import DataError
 from iris_sysid.io.files import origin_of
 from iris_sysid.io.json_documents import plain_origin
-from iris_sysid.io.schemas import Number, known_number, known_numbers, number
+from iris_sysid.io.schemas import Number, number
 from iris_sysid.io.schemas.groundtruth import (
     MeasuredDocument,
     ParameterEntry,
@@ -31,26 +31,10 @@ Finder = Callable[[Clips], list[str]]
 def parameters_document(
     measurements: Measurements, measured: MeasuredDocument | None = None, effects: Finder | None = None
 ) -> ParametersDocument:
-    """Pool the clips of each setting, with direct measurements beside them.
+    """Pool the clips of each setting, with the values ``measured`` by hand beside them; the same input gives the same.
 
-    Parameters
-    ----------
-    measurements
-        Of the clips.
-    measured
-        Direct measurements.
-    effects
-        Gives sentences on the effects missing from the published equation on the clips of one setting.
-
-    Returns
-    -------
-    ParametersDocument
-        Checked; the same input gives the same document.
-
-    Raises
-    ------
-    DataError
-        When two classes would have the same name, or a direct value has another unit than the fitted one.
+    ``effects`` gives sentences on the effects missing from the published equation on the clips of one setting.
+    DataError when two classes would have the same name, or a direct value has another unit than the fitted one.
     """
     measured = measured or MeasuredDocument()
     classes = dict.fromkeys(clip.clip.class_name for clip in measurements.clips)
@@ -138,8 +122,8 @@ def _stated(estimate: Estimate) -> ValueEntry:
         value=estimate.value,
         standard_uncertainty=estimate.stderr,
         expanded_uncertainty=half,
-        coverage_factor=known_number(half / estimate.stderr) if estimate.stderr > 0 else None,
-        interval=known_numbers(estimate.interval),
+        coverage_factor=half / estimate.stderr if estimate.stderr > 0 else None,
+        interval=estimate.interval,
         unit=estimate.unit,
         measurement_type=estimate.measurement_type,  # type: ignore[arg-type]  # checked here
         source=estimate.source,

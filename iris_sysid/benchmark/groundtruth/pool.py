@@ -12,7 +12,6 @@ import numpy as np
 from fitters.noise.random_effects import MIN_CLIPS, random_effects
 from iris_sysid.benchmark.groundtruth.measure import ClipMeasurement
 from iris_sysid.calibration.pixel_scale import is_common_source
-from iris_sysid.io.schemas import known_number, known_numbers
 from iris_sysid.io.schemas.groundtruth import ClipDocument, ClipValue, RegeneratedValue
 from iris_sysid.trajectory.systematic_errors import AXIS, EDGE, TIME_BASE
 from iris_sysid.types import NORMAL_975, Estimate, Population, student_ppf
@@ -65,20 +64,10 @@ def in_published_unit(estimate: Estimate) -> tuple[Estimate, float]:
 
 
 def regenerate(clips: Sequence[ClipMeasurement], parameter: str) -> RegeneratedValue | None:
-    """Pool the estimates of one parameter over the clips of a setting.
+    """Pool the estimates of one parameter, by our name, over the clips of a setting; None when there is no clip.
 
-    Parameters
-    ----------
-    clips
-        Of one setting.
-    parameter
-        Our name.
-
-    Returns
-    -------
-    RegeneratedValue or None
-        From the clips that the equation fits to within the noise; where it fits none, from all clips with a value.
-        None when there is no clip. ``measurement_type`` marks values that are assumed or measured by hand.
+    They are those of the clips that the equation fits to within the noise; where it fits none, of all clips with a
+    value. ``measurement_type`` marks values that are assumed or measured by hand.
     """
     values = [_value_of(clip, parameter) for clip in clips]
     known = [value for value in values if value is not None]
@@ -128,10 +117,10 @@ def _shown(clip_value: _Value, used: bool) -> ClipValue:
     origin = clip_value.document.origin
     sha256 = origin.get("sha256")
     return ClipValue(
-        value=known_number(clip_value.estimate.value),
-        standard_uncertainty=known_number(clip_value.estimate.stderr),
-        random=known_number(clip_value.random),
-        interval=known_numbers(clip_value.estimate.interval),
+        value=clip_value.estimate.value,
+        standard_uncertainty=clip_value.estimate.stderr,
+        random=clip_value.random,
+        interval=clip_value.estimate.interval,
         status=clip_value.document.status,
         message=clip_value.why_not or clip_value.document.message,
         used=used,

@@ -26,13 +26,7 @@ class SettingVerdict:
 
 
 def verdict_on(clips: Sequence[ClipMeasurement]) -> SettingVerdict:
-    """The verdict on the clips of one setting.
-
-    Parameters
-    ----------
-    clips
-        Measured; those of runs from before 2026-11-24 have no verdict and are left out.
-    """
+    """The verdict on the measured clips of one setting; those of runs before 2026-11-24 have none and do not count."""
     documents = [clip.document for clip in clips]
     failed = sum(document.status == "failed" for document in documents)
     verdicts = [document.verdict.verdict() for document in documents if document.verdict is not None]

@@ -140,14 +140,8 @@ def latent_rows(runs: pd.DataFrame, method: str, *, source: str = "") -> pd.Data
 def unread_rows(runs: pd.DataFrame, method: str, *, source: str = "") -> pd.DataFrame:
     """Rows without a value for runs of phenomena whose published parameter neither alpha nor beta gives.
 
-    They keep the incline's angle in the table: its published value is from metadata, and no run estimates it.
-
-    Parameters
-    ----------
-    runs
-        From :func:`read_latent_runs`.
-    method, source
-        As for :func:`latent_rows`.
+    They keep the incline's angle in the table: its published value is from metadata, and no run estimates it. Method
+    and source are those of :func:`latent_rows`.
     """
     dataset = dataset_of(runs)
     known = truths()

@@ -68,12 +68,8 @@ def _values(row: dict[Any, Any]) -> Iterator[tuple[str, float]]:
 def metadata_value(phenomenon: str, setting: str, parameter: str) -> float | None:
     """The value of a parameter that is known without video, in SI units (angles in degrees); None where unknown.
 
-    Parameters
-    ----------
-    phenomenon, setting
-        As the result files name them.
-    parameter
-        ``gravity`` is a constant; ``angle`` and the Delfys75 pendulum's ``length`` are in the setting's name.
+    Phenomenon and setting are named as in the result files. ``gravity`` is a constant; ``angle`` and the Delfys75
+    pendulum's ``length`` are in the setting's name.
     """
     number = re.search(r"_(\d+)$", setting)
     if parameter == "gravity":

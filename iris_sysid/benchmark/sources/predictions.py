@@ -17,21 +17,9 @@ EQUATION = "equation"  # the parameter of the rows of the study ``selection``: t
 def prediction_rows(path: str | Path, method: str, *, source: str = "") -> pd.DataFrame:
     """Read a prediction file as flat rows and score it again: value 1 where the answer is the true class, else 0.
 
-    No answer is a failed row. The file's own ``correct`` flag is not used.
-
-    Parameters
-    ----------
-    path
-        CSV with a video's ``path``, its true class (``gt`` or ``gt_iris``) and the answer (``pred`` or ``pred_iris``).
-    method
-        Name of the method.
-    source
-        Name of the file, kept in each row.
-
-    Raises
-    ------
-    DataError
-        When the file cannot be read, or names a video twice.
+    The CSV has a video's ``path``, its true class (``gt`` or ``gt_iris``) and the answer (``pred`` or ``pred_iris``). A
+    row without an answer is a failed one. The file's own ``correct`` flag is not used. DataError when the file cannot
+    be read, or names a video twice.
     """
     frame = read_predictions(path)
     return flat_rows(_record(row, method, source) for row in frame.to_dict("records"))

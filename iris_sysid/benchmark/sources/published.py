@@ -49,11 +49,6 @@ def truth_of(dataset: str, phenomenon: str, setting: str, parameter: str) -> Pub
         As the result files name them, e.g. ``Pendulum`` and ``pendulum_45``.
     parameter
         E.g. ``length``; ``length_1`` and ``length_2`` for two bodies.
-
-    Returns
-    -------
-    Truth or None
-        The value with its unit, stated uncertainty and source.
     """
     return _all_truths().get((dataset, phenomenon, setting, parameter))
 

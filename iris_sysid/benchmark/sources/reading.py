@@ -39,24 +39,9 @@ def read_lines(path: str | Path) -> Lines:
 
 
 def read_columns(path: str | Path, names: Sequence[str]) -> pd.DataFrame:
-    """Read the named columns of a CSV file whose header is as long as its rows.
+    """Read the columns of these names, as text and in this order, of a CSV file whose header is as long as its rows.
 
-    Parameters
-    ----------
-    path
-        UTF-8 CSV file.
-    names
-        Of the columns.
-
-    Returns
-    -------
-    DataFrame
-        These columns in this order, as text, one row per data line.
-
-    Raises
-    ------
-    DataError
-        When the file cannot be read, a column is absent, or a line is damaged; the text names the line.
+    DataError when the file cannot be read, a column is absent, or a line is damaged; the text names the line.
     """
     return columns_of(read_lines(path), names, path)
 

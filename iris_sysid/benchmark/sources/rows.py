@@ -119,13 +119,7 @@ def rows_text(rows: pd.DataFrame) -> str:
 
 
 def read_rows(path: str | Path) -> pd.DataFrame:
-    """Read flat rows from a ``rows.csv``; a DataError names the first invalid line.
-
-    Parameters
-    ----------
-    path
-        As :func:`rows_text` makes it; columns in any order.
-    """
+    """Read flat rows from a file as :func:`rows_text` makes it; a DataError names the first invalid line."""
     frame = read_columns(path, COLUMNS)
     for name in (*NUMBERS, "seed"):
         numbers = pd.to_numeric(frame[name].replace("", np.nan), errors="coerce")

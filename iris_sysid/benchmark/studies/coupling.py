@@ -53,17 +53,9 @@ def coupling_rows(subject: Subject) -> Records:
 def first_struck(bodies: Sequence[Trajectory], run_up: Trajectory) -> Trajectory:
     """Horizontal positions ``z1`` to ``z3`` of the ball and the first two cups in its path, around the first impact.
 
-    Parameters
-    ----------
-    bodies
-        x and z of the ball and the cups, in any order, at the same times.
-    run_up
-        Trajectory of the ball; its motion ends when it strikes the first cup.
-
-    Raises
-    ------
-    DataError
-        When there is no ball, or no two cups of the bottom row in its path.
+    ``bodies`` are x and z of the ball and the cups, in any order, at the same times; the motion in ``run_up``, the
+    trajectory of the ball, ends when it strikes the first cup. DataError when there is no ball, or no two cups of the
+    bottom row in its path.
     """
     rolls = np.flatnonzero(run_up.mask("motion") & run_up.valid)
     tracked = [body for body in bodies if body.valid[rolls].all()]

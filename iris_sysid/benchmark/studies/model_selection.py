@@ -50,12 +50,7 @@ def selection_rows(subject: Subject) -> list[dict[str, Any]]:
 def choice_for(clip: ClipMeasurement) -> ModelChoice:
     """The choice from the whole bank for a measured clip, from the positions of its bodies during the motion.
 
-    Raises
-    ------
-    DataError
-        When the clip could not be tracked.
-    FitError
-        When it has too few samples.
+    DataError when the clip could not be tracked, FitError when it has too few samples.
     """
     phenomenon = PHENOMENA[clip.clip.phenomenon]
     fitted = clip.trajectory()

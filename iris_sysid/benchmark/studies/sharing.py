@@ -20,11 +20,6 @@ def sharing_rows(subjects: Sequence[Subject]) -> Iterator[dict[str, Any]]:
     """For every setting with two clips or more: each clip's value, their mean, and one value shared by all.
 
     Only parameters whose truth is the same in all clips of a setting can be shared; the others differ by design.
-
-    Parameters
-    ----------
-    subjects
-        Measured clips.
     """
     settings: dict[tuple[str, str], list[Subject]] = {}
     for subject in subjects:

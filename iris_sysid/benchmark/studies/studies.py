@@ -99,15 +99,7 @@ STUDY_OF: Mapping[str, tuple[Study, str, str, str]] = {
 
 
 def studied(subject: Subject, name: str) -> Records:
-    """The rows of one study (a key of ``STUDY_OF``) of one clip; a failure is rows as well, with its reason.
-
-    Parameters
-    ----------
-    subject
-        The clip.
-    name
-        E.g. ``ode+effects``.
-    """
+    """The rows of one study of one clip, by its name in ``STUDY_OF``; a failure is rows as well, with its reason."""
     make, study, method, parameter = STUDY_OF[name]
     try:
         return make(subject)

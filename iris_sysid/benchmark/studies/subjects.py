@@ -160,14 +160,7 @@ def simulated(model: OdeModel, result: FitResult, t_s: Array) -> Array:
 def subjects_of(clips: Iterable[ClipMeasurement], folder: Path, dataset: str) -> list[Subject]:
     """The measured clips of a data set with their truth and the parameters that each setting should give.
 
-    Parameters
-    ----------
-    clips
-        From :func:`iris_sysid.benchmark.groundtruth.measure.measure`.
-    folder
-        Of the data set; its ``parameters.json`` is read where it exists.
-    dataset
-        Its name in the tables.
+    The data set's ``parameters.json`` is read where the folder holds one; ``dataset`` is its name in the tables.
     """
     beside = folder / "parameters.json"
     stated = _json(beside) if beside.is_file() else {}

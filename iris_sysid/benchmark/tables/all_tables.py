@@ -12,23 +12,10 @@ from iris_sysid.benchmark.tables.table import Table, frame_table, parameter_tabl
 
 
 def tables_of(rows: pd.DataFrame) -> dict[str, Table]:
-    """Make every table that has rows, by name, in the order of the page.
+    """Make every table that has flat rows, by name, in the order of the page; DataError when they are not flat rows.
 
-    Parameters
-    ----------
-    rows
-        Flat rows, e.g. from :func:`read_rows`.
-
-    Returns
-    -------
-    dict
-        ``headline``, ``parameters``, ``selection`` and its confusion matrices, one table for each further study,
-        ``failures``. A study without rows has no table.
-
-    Raises
-    ------
-    DataError
-        When the rows are not flat rows.
+    ``headline``, ``parameters``, ``selection`` and its confusion matrices, one table for each further study,
+    ``failures``.
     """
     present = set(check_rows(rows)["study"])
     tables: dict[str, Table] = {}

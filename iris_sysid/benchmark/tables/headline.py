@@ -29,13 +29,9 @@ NOTES = (
 def headline_table(rows: pd.DataFrame) -> Table:
     """The errors of all methods side by side, the null baselines of each data set included.
 
-    A column is one method on one data set. Errors on different clips are shown side by side but never compared: bold
-    marks the best within a data set, among the methods that were scored on the largest number of clips.
-
-    Parameters
-    ----------
-    rows
-        Flat rows; those of the study ``parameters`` count.
+    Rows of the study ``parameters`` count. A column is one method on one data set. Errors on different clips are shown
+    side by side but never compared: bold marks the best within a data set, among the methods that were scored on the
+    largest number of clips.
     """
     summary = parameter_summary(rows)
     summary["stem"] = summary["method"].map(method_name)

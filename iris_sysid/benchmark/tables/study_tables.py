@@ -113,15 +113,7 @@ def study_table(rows: pd.DataFrame, study: str) -> Table:
 
 
 def crossed(rows: pd.DataFrame, layout: TableLayout) -> Table:
-    """Make a cross table of flat rows; a combination without a row is a dash.
-
-    Parameters
-    ----------
-    rows
-        Flat rows of one study.
-    layout
-        Columns for lines and header, and the statistics of the cells.
-    """
+    """Make a cross table of the flat rows of one study; a combination without a row is a dash."""
     columns = list(dict.fromkeys(rows[layout.across]))
     down = [name for name in layout.down if name != "dataset" or rows["dataset"].nunique() > 1]
     lines = []
@@ -135,15 +127,7 @@ def crossed(rows: pd.DataFrame, layout: TableLayout) -> Table:
 
 
 def cell_text(rows: pd.DataFrame, centre: Statistic, spread: Statistic | None = None) -> str:
-    """A cell: centre, ± spread where there is one, and in brackets how many values, and how many failed.
-
-    Parameters
-    ----------
-    rows
-        Flat rows of the cell; a dash for none.
-    centre, spread
-        Statistics of the cell.
-    """
+    """A cell: centre, ± spread where there is one, in brackets how many values and how many failed; a dash for none."""
     if rows.empty:
         return ABSENT
     values = int(rows["value"].notna().sum())

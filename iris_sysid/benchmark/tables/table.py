@@ -38,16 +38,9 @@ class Table:
 
 
 def frame_table(frame: pd.DataFrame, caption: str, *, notes: Sequence[str] = ()) -> Table:
-    """Make a table of all columns; numbers have three significant digits and are right-aligned.
+    """Make a table of all columns with a caption above it and notes below, one per line.
 
-    Parameters
-    ----------
-    frame
-        Any columns; their names become the header.
-    caption
-        Above the table.
-    notes
-        Below it, one per line.
+    Numbers have three significant digits and are right-aligned.
     """
     numeric = frozenset(str(name) for name in frame.columns if pd.api.types.is_numeric_dtype(frame[name].dtype))
     rows = tuple(tuple(Cell(_text(value)) for value in row) for row in frame.itertuples(index=False, name=None))
@@ -86,13 +79,6 @@ def parameter_table(rows: pd.DataFrame, *, caption: str = "Parameter errors") ->
 
     Bold is the smallest displayed MAE of a group (one data set, phenomenon, setting and parameter); equal displayed
     numbers are all bold, null baselines never. The data set is shown where there are several.
-
-    Parameters
-    ----------
-    rows
-        Flat rows.
-    caption
-        Above the table.
     """
     summary = parameter_summary(rows)
     names = [name for name in PARAMETER_HEADER if name != "dataset" or summary["dataset"].nunique() > 1]

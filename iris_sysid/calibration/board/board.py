@@ -90,8 +90,8 @@ class BoardView:
 
     ``image_size`` is (width, height) px. ``ids`` (n,) number the inner corners found, row by row of the board;
     ``corners_px`` (n, 2) are their positions, y down, origin at the centre of pixel (0, 0); ``stderr_px`` (n,) the
-    standard error of each coordinate by the grey levels' noise, NaN where unknown. ``square_px`` is the shortest side
-    of a square in the image, ``blur_px`` the standard deviation of the edges' blur (NaN where not measured).
+    standard error of each coordinate by the grey levels' noise, NaN where unknown. ``blur_px`` is the standard
+    deviation of the edges' blur (NaN where not measured).
     ``oriented`` says whether the first corner is known to be the board's first: not for a board that looks the same
     turned by 180 degrees. ``t_s`` is the time of the frame, None for an image.
     """
@@ -101,7 +101,6 @@ class BoardView:
     ids: NDArray[np.int64]
     corners_px: Array
     stderr_px: Array
-    square_px: float
     blur_px: float
     oriented: bool
     t_s: float | None = None

@@ -34,13 +34,15 @@ class BoardCalibration:
     """The calibration from images of a board.
 
     ``calibration`` of the plane of motion; ``camera`` and, in it, the view of the board in the plane, or parallel
-    to it (``fitted``); None when one image was all. ``image`` (h, w) uint8 is that view's.
+    to it (``fitted``); None when one image was all. ``image`` (h, w) uint8 is that view's, ``over`` (h, w) uint8 the
+    first of the clip that will be measured, where one is stated.
     """
 
     calibration: Calibration
     camera: CameraCalibration | None
     fitted: FittedView | None
     image: Luma
+    over: Luma | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,7 +201,7 @@ def _images_of(sources: Sequence[Path]) -> list[Path]:
 
 def _views(clip: Video | None, paths: Sequence[Path], board: Board, progress: Progress | None) -> Views:
     if clip is not None:
-        chosen = choose_frames(clip, board, progress=progress)
+        chosen = choose_frames(clip, board, progress)
         return Views(chosen.views, (chosen.summary,), {}, chosen.seen_px)
     search = find_boards(paths, board, progress=progress)
     return Views(search.views, tuple(f"no view: {reason}" for reason in search.missing.values()), search.missing)

@@ -36,21 +36,10 @@ class Saddles:
 
 
 def refine_by_window(grey: NDArray[np.uint8], xy_px: Array, half_px: int) -> Array:
-    """Move corners (n, 2) to where the grey levels' gradients point away from, as OpenCV's classical method does.
+    """Move corners (n, 2), px, to where the grey levels' gradients point away from, as OpenCV's classical method does.
 
-    Parameters
-    ----------
-    grey
-        Image (h, w).
-    xy_px
-        Corners to start from (n, 2).
-    half_px
-        Half the side of the window, px; a window that holds a second corner pulls the result towards it.
-
-    Returns
-    -------
-    Array
-        (n, 2).
+    ``grey`` (h, w) is the image, ``half_px`` half the side of the window: one that holds a second corner pulls the
+    result towards it.
     """
     start = np.ascontiguousarray(xy_px, dtype=np.float32).reshape(-1, 1, 2)
     return np.asarray(cv2.cornerSubPix(grey, start, (half_px, half_px), (-1, -1), WINDOW_ENDS), float).reshape(-1, 2)

@@ -35,26 +35,10 @@ class FoundCorners:
 
 
 def locate(grey: Grey, board: Board, thorough: bool) -> FoundCorners | None:
-    """Find the board's corners in a grey image (h, w), or None.
+    """Find the board's corners in a grey image (h, w), to about a pixel of the scale at which it was found; else None.
 
-    Parameters
-    ----------
-    grey
-        Image (h, w).
-    board
-        The board to find.
-    thorough
-        Search every scale, and use the slower method too.
-
-    Returns
-    -------
-    Found or None
-        Positions good to about a pixel of the scale at which the board was found.
-
-    Raises
-    ------
-    CalibrationError
-        When the board's dictionary of markers is not known.
+    ``thorough`` searches every scale, and uses the slower method too. CalibrationError when the board's dictionary of
+    markers is not known.
     """
     if board.marker_m is not None:
         return locate_markers(grey, board)

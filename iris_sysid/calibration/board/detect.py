@@ -95,28 +95,10 @@ def find_boards(
     *,
     progress: Progress | None = None,
 ) -> BoardSearch:
-    """Find a board in several images; images without a view are listed with the reason.
+    """Find a board in several images, paths or arrays by name; those without a view are listed with the reason.
 
-    Images are grey (h, w) or BGR (h, w, 3), in grey levels.
-
-    Parameters
-    ----------
-    images
-        Paths of image files, or arrays by name.
-    board
-        What to look for.
-    progress
-        Called with (images done, images).
-
-    Returns
-    -------
-    BoardSearch
-        Views in the order of the images.
-
-    Raises
-    ------
-    CalibrationError
-        When no image shows the board; it gives the first image's reason.
+    Images are grey (h, w) or BGR (h, w, 3), in grey levels; ``progress`` is called with (images done, images).
+    CalibrationError, with the first image's reason, when no image shows the board.
     """
     items: list[tuple[str, Image]] = (
         list(images.items()) if isinstance(images, Mapping) else [(Path(path).name, path) for path in images]
@@ -185,10 +167,7 @@ def _refined(grey: NDArray[np.uint8], rough: FoundCorners, board: Board, name: s
 def find_again(grey: NDArray[np.uint8], view: BoardView, board: Board) -> BoardView:
     """The ``view`` of a ``board`` in another image ``grey`` (h, w) of it, taken at about the same place.
 
-    Raises
-    ------
-    CalibrationError
-        When too many corners are no longer there.
+    CalibrationError when too many corners are no longer there.
     """
     rough = FoundCorners(view.ids, np.asarray(view.corners_px))
     return _fitted(grey, rough, board, view.name, oriented=view.oriented).named(view.name, view.t_s)
@@ -213,7 +192,6 @@ def _fitted(grey: NDArray[np.uint8], rough: FoundCorners, board: Board, name: st
         ids=ids[kept],
         corners_px=saddles.xy_px[kept],
         stderr_px=saddles.stderr_px[kept],
-        square_px=square_px,
         blur_px=float(np.median(saddles.blur_px[kept])),
         oriented=oriented,
     )

@@ -14,6 +14,8 @@ from iris_sysid.calibration.board.detect import find_board
 from iris_sysid.errors import CalibrationError
 from iris_sysid.types import Array, Frame, FrameSource, Progress, with_progress
 
+MAX_VIEWS = 20  # of a clip
+EXAMINED = 200  # frames, spread evenly over the clip
 MIN_DIFFERENCE = 0.02  # fraction of the image's diagonal
 SEARCHED_SLOWLY = 4  # frames
 SMALL_PX = 480 * 270  # of an image: squares of a few px are seen by the slow search alone, which is quick there
@@ -43,75 +45,44 @@ class ChosenFrames:
         )
 
 
-def choose_frames(
-    video: FrameSource,
-    board: Board,
-    *,
-    count: int = 20,
-    examine: int = 200,
-    progress: Progress | None = None,
-) -> ChosenFrames:
+def choose_frames(video: FrameSource, board: Board, progress: Progress | None = None) -> ChosenFrames:
     """Find the board in frames spread over a clip and choose the most informative ones for the camera.
 
     Frames whose edges are more than twice as wide as usual are dropped. Of frames in which the board has nearly the
     same position, the sharpest stays. Of the rest, each next view is the one whose outline differs most from all
-    chosen.
-
-    Parameters
-    ----------
-    video
-        The clip.
-    board
-        The board shown in it.
-    count
-        Largest number of frames to choose.
-    examine
-        Number of frames to examine, spread evenly over the clip.
-    progress
-        Called with (frames decoded, frames expected).
-
-    Returns
-    -------
-    ChosenFrames
-        Views named ``frame 41 (1.367 s)``.
-
-    Raises
-    ------
-    CalibrationError
-        When no frame shows the board; it gives the reason, of a few that were searched more slowly.
+    chosen; views are named ``frame 41 (1.367 s)``. ``progress`` is called with (frames decoded, frames expected).
+    Raises CalibrationError when no frame shows the board, with the reason, of a few that were searched more slowly.
     """
-    if count < 1 or examine < count:
-        raise CalibrationError(f"cannot choose {count} of {examine} frames; examine at least as many as are chosen")
     seen: list[BoardView] = []
     n_examined, rejected, some = 0, Counter[str](), []
-    for n_examined, frame in enumerate(_spread(video, examine, progress), start=1):
+    for n_examined, frame in enumerate(_spread(video, progress), start=1):
         view = _view_of(frame, board, rejected)
         if view is not None:
             seen.append(view)
-        elif not seen and n_examined % max(1, examine // SEARCHED_SLOWLY) == 1:
+        elif not seen and n_examined % (EXAMINED // SEARCHED_SLOWLY) == 1:
             some.append(frame)
     if not seen:
         raise CalibrationError(_why_none(n_examined, rejected, some[:SEARCHED_SLOWLY], board))
     sharp = _sharp(seen)
     outlines = np.array([view.outline_px(board) for view in sharp])
     different = _different(sharp, outlines)
-    chosen = _spread_out(outlines[different], count)
+    chosen = _spread_out(outlines[different])
     views = sorted((sharp[different[k]] for k in chosen), key=lambda view: view.t_s or 0.0)
     n_alike = len(sharp) - len(different)
     seen_px = np.array([view.outline_px(board) for view in seen])
     return ChosenFrames(tuple(views), n_examined, len(seen), n_alike, len(seen) - len(sharp), seen_px)
 
 
-def _spread(video: FrameSource, examine: int, progress: Progress | None) -> Iterator[Frame]:
-    """Every k-th frame, to give about ``examine`` frames; where the length is unknown, k grows along the clip."""
-    every = max(1, math.ceil(video.n_expected / examine))
+def _spread(video: FrameSource, progress: Progress | None) -> Iterator[Frame]:
+    """Every k-th frame, to give about EXAMINED frames; where the length is unknown, k grows along the clip."""
+    every = max(1, math.ceil(video.n_expected / EXAMINED))
     taken = 0
     for number, frame in enumerate(with_progress(video.frames(), progress, video.n_expected)):
         if number % every == 0:
             yield frame
             taken += 1
-            if not video.n_expected and taken == 2 * examine:
-                every, taken = 2 * every, examine
+            if not video.n_expected and taken == 2 * EXAMINED:
+                every, taken = 2 * every, EXAMINED
 
 
 def _view_of(frame: Frame, board: Board, rejected: Counter[str]) -> BoardView | None:
@@ -156,11 +127,11 @@ def _different(views: list[BoardView], outlines: Array) -> list[int]:
     return kept
 
 
-def _spread_out(outlines: Array, count: int) -> list[int]:
-    """Indices of the outlines (n, 4, 2) that differ most, beginning with the first (Gonzalez 1985)."""
+def _spread_out(outlines: Array) -> list[int]:
+    """Indices of the MAX_VIEWS outlines, of (n, 4, 2), that differ most, from the first on (Gonzalez 1985)."""
     chosen = [0]
     nearest = _differences(outlines, outlines[0])
-    while len(chosen) < min(count, len(outlines)):
+    while len(chosen) < min(MAX_VIEWS, len(outlines)):
         chosen.append(int(np.argmax(nearest)))
         nearest = np.minimum(nearest, _differences(outlines, outlines[chosen[-1]]))
     return chosen

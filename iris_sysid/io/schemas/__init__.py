@@ -28,8 +28,6 @@ from iris_sysid.io.schemas._parts import EstimateEntry as EstimateEntry
 from iris_sysid.io.schemas._parts import Number as Number
 from iris_sysid.io.schemas._parts import Part as Part
 from iris_sysid.io.schemas._parts import VerdictEntry as VerdictEntry
-from iris_sysid.io.schemas._parts import known_number as known_number
-from iris_sysid.io.schemas._parts import known_numbers as known_numbers
 from iris_sysid.io.schemas._parts import number as number
 from iris_sysid.io.schemas._parts import why_null as why_null
 from iris_sysid.io.schemas._plan import ChangeEntry as ChangeEntry

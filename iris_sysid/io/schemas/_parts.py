@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Annotated, Any, Literal, Self
 
@@ -35,18 +35,6 @@ def _plain(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {name: _plain(item) for name, item in value.items()}
     return value.tolist() if isinstance(value, np.ndarray | np.generic) else value
-
-
-def known_number(value: Any) -> Number:
-    """The value as a float; None where it is NaN or infinite."""
-    finite = float(value)
-    return finite if math.isfinite(finite) else None
-
-
-def known_numbers(values: Iterable[Any]) -> Any:
-    """Numbers with null for what is not finite: a tuple of a tuple, a list of anything else."""
-    known = [known_number(value) for value in values]
-    return tuple(known) if isinstance(values, tuple) else known
 
 
 def number(value: Number) -> float:
@@ -101,7 +89,7 @@ class EstimateEntry(Part):
         """The entry as an Estimate; null becomes NaN, and an open end of the interval infinity."""
         value, stderr = number(self.value), number(self.stderr)
         plain = Estimate(value, stderr, self.unit, self.measurement_type, self.source)
-        if known_numbers(plain.interval) == self.ci95:
+        if tuple(end if math.isfinite(end) else None for end in plain.interval) == self.ci95:
             return plain
         low, high = self.ci95
         interval = (-math.inf if low is None else low, math.inf if high is None else high)

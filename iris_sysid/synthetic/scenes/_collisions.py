@@ -52,15 +52,7 @@ class Material(NamedTuple):
 
 
 def pile_of(position: Array, radius: Array, mass: Array) -> Pile:
-    """A pile at rest: every body stands on those that it touches and that are lower.
-
-    Parameters
-    ----------
-    position
-        Centres (n, 2), m.
-    radius, mass
-        (n,).
-    """
+    """A pile at rest of bodies with centres (n, 2) m, radii and masses (n,): each stands on lower ones it touches."""
     count = len(radius)
     apart = np.linalg.norm(position[:, np.newaxis] - position, axis=-1)
     touching = apart < radius[:, np.newaxis] + radius + 1e-4

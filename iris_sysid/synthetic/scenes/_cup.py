@@ -35,16 +35,9 @@ def standing_height(height_m: float) -> float:
 
 
 def cup(centre: Path, angle: Curve, height_m: float, *, shaded: bool) -> list[Layer]:
-    """Layers of a cup: its body, and a darker band above its rim.
+    """Layers of a cup: its body and, where it is shaded, a darker band above its rim.
 
-    Parameters
-    ----------
-    centre, angle
-        Path of its centre of area, and its orientation, rad anticlockwise from upright.
-    height_m
-        Of the cup.
-    shaded
-        Whether light and band are drawn.
+    The path is that of its centre of area, the angle in rad anticlockwise from upright.
     """
     shape = outline(height_m)
     light = Shading(centre, 0.5 * height_m, along=(0.14, 0.06), limb=0.08)

@@ -17,15 +17,7 @@ CORD_POINTS = 24
 
 
 def hanging(theta: Curve, distance: Curve, pivot: tuple[float, float] = (0.0, 0.0)) -> Path:
-    """Path of a body at angle theta (rad, anticlockwise from straight down) and distance (m) from a pivot.
-
-    Parameters
-    ----------
-    theta, distance
-        As functions of time.
-    pivot
-        (x, z), m.
-    """
+    """Path of a body at angle theta (rad, anticlockwise from straight down) and distance (m) from a pivot (x, z), m."""
 
     def path(t_s: Array) -> Array:
         angle = theta(t_s)
@@ -37,16 +29,7 @@ def hanging(theta: Curve, distance: Curve, pivot: tuple[float, float] = (0.0, 0.
 def cord(centre: Path, pivot: tuple[float, float], length_m: float, width_m: float, gap_m: float = 0.0) -> Layer:
     """One strand from the pivot to a body's centre: straight when taut, sagging when the cord is slack.
 
-    Parameters
-    ----------
-    centre
-        Of the body.
-    pivot
-        (x, z), m.
-    length_m, width_m
-        Of the strand.
-    gap_m
-        Distance of its end from the centre, for doubled cords.
+    Of doubled cords, ``gap_m`` is the distance of its end from the centre.
     """
     along = np.linspace(0.0, 1.0, CORD_POINTS)[:, np.newaxis]
 
@@ -64,36 +47,14 @@ def cord(centre: Path, pivot: tuple[float, float], length_m: float, width_m: flo
 
 
 def ball(centre: Path, radius_m: float, colour: Colour, setup: Setup) -> list[Layer]:
-    """The layers of a shaded ball, its shadow first.
-
-    Parameters
-    ----------
-    centre
-        Its path.
-    radius_m
-        Its radius.
-    colour
-        Its colour.
-    setup
-        Says whether shadows are drawn.
-    """
+    """The layers of a shaded ball, its shadow first where the setup has shadows."""
     outline = disc(centre, radius_m)
     shadow = [shadow_of(outline, centre, radius_m, setup.look.shadow)] if setup.look.shadow else []
     return [*shadow, Layer(outline, colour, shading=Shading(centre, radius_m))]
 
 
 def seams(centre: Path, radius_m: float, turned: Curve, colour: Colour) -> list[Layer]:
-    """The seam of a tennis ball as seen from the side: two curved strips that turn with it.
-
-    Parameters
-    ----------
-    centre, radius_m
-        Of the ball.
-    turned
-        Its orientation, rad.
-    colour
-        Of the seam.
-    """
+    """The seam of a tennis ball as seen from the side: two curved strips that turn with it, rad."""
     angle = np.linspace(-0.75, 0.75, 24)
     curve = np.stack([0.62 * np.tan(angle) / math.tan(0.75), 0.28 + 0.42 * np.cos(angle) ** 2], axis=-1)
     width = np.array([0.0, 0.05])
@@ -104,19 +65,7 @@ def seams(centre: Path, radius_m: float, turned: Curve, colour: Colour) -> list[
 def holding_hand(
     centre: Path, pivot: tuple[float, float], radius_m: float, setup: Setup
 ) -> tuple[list[Layer], list[Layer]]:
-    """A hand that holds a hanging ball from behind, and lets go at the release: layers behind and in front of the ball.
-
-    Parameters
-    ----------
-    centre
-        Path of the ball.
-    pivot
-        Where its cord is held.
-    radius_m
-        Its radius.
-    setup
-        Says whether there is a hand, and when it lets go.
-    """
+    """A hand that holds a hanging ball from behind, and lets go at the release: layers behind and before the ball."""
     if not setup.look.hand:
         return [], []
     x, z = centre(np.array([-1.0]))[0]

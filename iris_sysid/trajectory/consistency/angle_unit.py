@@ -19,12 +19,7 @@ REMEDY = "if they are, name the unit: theta_deg in the table's header, or theta[
 def with_degrees_doubt(trajectory: Trajectory, model: OdeModel) -> Trajectory:
     """The trajectory with a doubt where it swings to and fro by more than a turn, which gravity does not allow.
 
-    Parameters
-    ----------
-    trajectory
-        What is to be fitted.
-    model
-        Only one that moves by gravity, and observes angles in rad, is concerned.
+    Only a model that moves by gravity, and observes angles in rad, is concerned.
     """
     if any(doubt.kind == "degrees" for doubt in trajectory.doubts) or not _hangs(model):
         return trajectory
@@ -40,15 +35,7 @@ def with_degrees_doubt(trajectory: Trajectory, model: OdeModel) -> Trajectory:
 
 
 def short_pendulum_doubt(estimates: Mapping[str, Estimate], model: OdeModel) -> tuple[Doubt, ...]:
-    """A doubt where a fitted pendulum is shorter than 5 mm, none otherwise.
-
-    Parameters
-    ----------
-    estimates
-        Of the fit, by name.
-    model
-        The model that was fitted.
-    """
+    """A doubt where a fitted pendulum is shorter than 5 mm, none otherwise."""
     length = estimates.get("length")
     if not _hangs(model) or length is None or length.unit != "m" or not 0 < length.value < MIN_LENGTH_M:
         return ()

@@ -14,14 +14,9 @@ SAME = 0.08  # natural logarithm: the rate of a phone's camera varies
 
 
 def capture_rate_doubt(facts: Mapping[str, object], t_s: Array) -> Doubt | None:
-    """A doubt where a file says that it was recorded at another rate than that of its times, None otherwise.
+    """A doubt where the facts of a video state another rate than its times (n,), s, show; None otherwise.
 
-    Parameters
-    ----------
-    facts
-        Of the video; ``capture_rate`` is what the phone wrote into it.
-    t_s
-        Times (n,) s of its frames, as they are used.
+    ``capture_rate`` is what a phone wrote into it; the times are those of the frames, as they are used.
     """
     recorded = facts.get(STATED)
     if not isinstance(recorded, float) or len(t_s) < 2:

@@ -15,15 +15,10 @@ REMEDY = (
 
 
 def earth_gravity_doubt(gravity: Estimate, allowance: float = 0.0) -> Doubt | None:
-    """A doubt where an estimated gravity is more than three errors outside the range on Earth, None otherwise.
+    """A doubt where gravity, fitted in metres, is more than three errors outside the range on Earth, None otherwise.
 
-    Parameters
-    ----------
-    gravity
-        As fitted; only one in metres is judged.
-    allowance
-        Standard error for an effect that the equation lacks, m/s^2: it is part of the error of the estimate, but this
-        is how such an effect shows.
+    ``allowance`` is the standard error for an effect that the equation lacks, m/s^2: it is part of the error of the
+    estimate, but this is how such an effect shows.
     """
     if gravity.unit != "m/s^2" or not math.isfinite(gravity.stderr):
         return None

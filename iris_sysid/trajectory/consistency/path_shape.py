@@ -27,15 +27,10 @@ MIN_SAMPLES = 8
 
 
 def shape_of(body: Trajectory) -> PathShape:
-    """The shape of a path of x and z, from the samples that no hand holds.
+    """The shape of a path of x and z (n, 2), m or px, segmented, from the samples that no hand holds.
 
     A swing turns back three times at least along x. A parabola over time is judged in the motion only, before the first
     contact.
-
-    Parameters
-    ----------
-    body
-        x and z (n, 2), segmented, in m or px.
     """
     free = body.valid & ~(body.mask("hand") if body.segments else np.zeros(body.n, dtype=np.bool_))
     across, up = np.ptp(body.position[free, :2], axis=0) if free.sum() >= MIN_SAMPLES else (0.0, 0.0)
@@ -90,15 +85,7 @@ def turning_values(values: Array) -> list[float]:
 
 
 def phenomenon_doubt(body: Trajectory, phenomenon: Phenomenon) -> Doubt | None:
-    """A doubt where the path is clearly that of another phenomenon, which it names; None otherwise.
-
-    Parameters
-    ----------
-    body
-        x and z (n, 2) of the body, segmented.
-    phenomenon
-        What it was taken for.
-    """
+    """A doubt where the path is clearly that of another phenomenon, which it names; None otherwise."""
     expected = SHAPES_OF.get(phenomenon.motion, ())
     if not expected or phenomenon.measures != "position" or phenomenon.bodies > 1:
         return None
