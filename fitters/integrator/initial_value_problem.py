@@ -193,8 +193,8 @@ class InitialValueProblem:
         return out
 
     def first(self, n: int) -> InitialValueProblem:
-        """The problem up to its n-th sample."""
-        return self.part(0, n - 1)
+        """The problem up to its n-th sample, or to its last."""
+        return self.part(0, min(n, self.t_s.size) - 1)
 
     def part(self, start: int, stop: int) -> InitialValueProblem:
         """The problem from one sample to another, both included, with the same steps."""

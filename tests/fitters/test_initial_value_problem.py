@@ -16,6 +16,7 @@ from fitters.integrator.initial_value_problem import (
     initial_value_problem,
     value_names,
 )
+from fitters.ode import simulate
 from iris_sysid.errors import FitError
 from iris_sysid.types import Quantity
 from tests.fitters.test_integrator import PENDULUM, decay, filling, model_of
@@ -268,3 +269,15 @@ def test_hidden_states_follow_along_the_own_ones_from_zero():
     np.testing.assert_allclose(followed[:, 1], (1.0 - own[:, 0]) / 0.7, atol=2e-3)
     plain = initial_value_problem(model, problem.t_s, None, "linear")
     assert plain.with_hidden(own, np.array([0.7])) is own
+
+
+@pytest.mark.parametrize("n", [4, 5, 2000])
+def test_the_first_samples_are_no_more_than_there_are(n):
+    problem = initial_value_problem(PENDULUM, UNEVEN_S, np.empty((4, 0)), "linear")
+    np.testing.assert_array_equal(problem.first(n).ends, problem.ends)
+
+
+def test_a_motion_of_one_sample_is_its_initial_state():
+    assert simulate(PENDULUM, [0.0], dict(zip(value_names(PENDULUM), VALUES, strict=True))).states.tolist() == [
+        [1.5, -1.0]
+    ]
