@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iris_sysid.types import Array
-from trackers._disc.normal_equations import cover, equations, gauss_newton, jacobian, levels
+from trackers._disc.normal_equations import Scene, cover, equations, gauss_newton, jacobian, levels
 from trackers._disc.robust_least_squares import ROUNDS, Equations, Pixels, Rest, Start
 
 X, Y, RADIUS, BLUR, OVAL_ALONG, OVAL_ACROSS = range(6)  # the first parameters; the grey levels follow
@@ -173,8 +173,8 @@ class DiscModel:
         return np.array([self.form.outline, self.form.interior, self.form.exterior])
 
     @property
-    def _scene(self) -> tuple[Array, Array, Array, Array, NDArray[np.int64], Array, int]:
-        """What the kernels take: see :func:`equations`."""
+    def _scene(self) -> Scene:
+        """Pixels, background, terms and motion: see :func:`equations`."""
         parts = min(max(math.ceil(self.motion.length / SUBSTEP), 1), MAX_SUBSTEPS)
         return self.x, self.y, self.background, self.terms, self._counts, self.motion.way, parts
 

@@ -1,14 +1,17 @@
-"""Normal equations of the disc model summed over pixels without an array of derivatives, and their steps (numba)."""
+"""Normal equations of the disc model, summed over pixels without an array of derivatives (numba), and their steps."""
 
 # mypy: disallow-untyped-decorators=False
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from iris_sysid.io.kernels import kernel
 from iris_sysid.types import Array
 from trackers._disc.coverage import disc_coverage
 from trackers._disc.robust_least_squares import HUBER, RIDGE, TUKEY, Labels
+
+Scene = tuple[Array, Array, Array, Array, NDArray[np.int64], Array, int]  # see :func:`equations`
 
 ZONES = 3
 MIN_SHARE = 0.1  # of a step that goes back
@@ -118,9 +121,8 @@ def normal_equations(
     return information, gradient
 
 
-@kernel(nogil=True)
 def equations(
-    scene: tuple[Array, ...], data: tuple[Array, Array, Labels], number: int, parameters: Array, work: tuple[Array, ...]
+    scene: Scene, data: tuple[Array, Array, Labels], number: int, parameters: Array, work: tuple[Array, ...]
 ) -> tuple[Array, Array]:
     """Information of each zone (3, p, p) and gradient (p,) of the disc model for its ``parameters`` (p,).
 
@@ -144,14 +146,11 @@ def equations(
     cover(x, y, parameters[: counts[0]], way, parts, share, slopes)
     body = counts[0] + counts[1]
     levels(terms, background, parameters[counts[0] : body], parameters[body:], contrast, residual)
-    for k in range(x.size):
-        behind = residual[k]
-        contrast[k] -= behind
-        residual[k] = values[k] - (behind + share[k] * contrast[k])
+    contrast -= residual  # that of the background so far
+    residual[:] = values - (residual + share * contrast)
     return normal_equations((share, slopes, contrast, terms, counts), sigma, zone, number, residual, weight)
 
 
-@kernel(nogil=True)
 def cover(x: Array, y: Array, outline: Array, way: Array, parts: int, share: Array, slopes: Array) -> None:
     """Set the share (n,) of each pixel that the moving disc covers in the mean, and its derivatives (n, 6)."""
     every = np.zeros(6)
@@ -159,9 +158,8 @@ def cover(x: Array, y: Array, outline: Array, way: Array, parts: int, share: Arr
     disc_coverage(x, y, every, way, parts, share, slopes)
 
 
-@kernel(nogil=True)
 def gauss_newton(
-    scene: tuple[Array, ...],
+    scene: Scene,
     data: tuple[Array, Array, Labels],
     rounds: tuple[int, int, float],
     bounds: tuple[Array, Array],
@@ -189,7 +187,7 @@ def gauss_newton(
     for _ in range(most):
         of_zones, gradient = equations(scene, data, number, parameters, work)
         information = of_zones.sum(axis=0)
-        scale = np.sqrt(np.diag(information))
+        scale = np.sqrt(information.diagonal())
         step = bounded_step(parameters, information, gradient, longest, lowest)
         back = (step * scale * before).sum() < 0
         share = max(MIN_SHARE, share / 2) if back else min(1.0, share * 1.5)
@@ -201,12 +199,12 @@ def gauss_newton(
     return parameters, step, of_zones, gradient
 
 
-@kernel(nogil=True)
 def bounded_step(parameters: Array, information: Array, gradient: Array, longest: Array, lowest: Array) -> Array:
     """A Gauss-Newton step (p,); a parameter at its lowest value stays there while it is pushed down."""
     matrix, right = information.copy(), gradient.copy()
-    for i in range(parameters.size):
-        matrix[i, i] *= 1.0 + RIDGE
-        if parameters[i] <= lowest[i] and gradient[i] <= 0:
-            matrix[i, :], matrix[:, i], matrix[i, i], right[i] = 0.0, 0.0, 1.0, 0.0
-    return np.minimum(np.maximum(np.linalg.solve(matrix, right), -longest), longest)
+    matrix.flat[:: parameters.size + 1] *= 1.0 + RIDGE
+    held = (parameters <= lowest) & (gradient <= 0)
+    if held.any():
+        matrix[held, :], matrix[:, held], right[held] = 0.0, 0.0, 0.0
+        matrix[held, held] = 1.0
+    return np.asarray(np.clip(np.linalg.solve(matrix, right), -longest, longest))

@@ -1,16 +1,13 @@
 """Robust least squares by iteratively reweighted Gauss-Newton, with the noise estimated from the residuals."""
 
-# mypy: disallow-untyped-decorators=False
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from iris_sysid.io.kernels import kernel
 from iris_sysid.types import Array
 from trackers._frames.arrays import MAD_TO_SD
 
@@ -158,12 +155,10 @@ def _measured_noise(equations: Equations, pixels: Pixels) -> Array:
     return np.asarray(pixels.noise * factors[pixels.zone])
 
 
-@kernel(nogil=True)
 def inlier_scale(ratio: Array, zone: Labels, number: int) -> tuple[int, float]:
     """How many residuals (n,) one zone has, and their standard deviation by those within 3 sigma by the median."""
     inside = ratio[zone == number]
-    if inside.size == 0:
+    if not inside.size:
         return 0, 0.0
-    cut = INLIER * MAD_TO_SD * np.median(inside)
-    inliers = inside[inside <= cut]
-    return inside.size, math.sqrt((inliers**2).mean()) / TRUNCATION
+    inliers = inside[inside <= INLIER * MAD_TO_SD * np.median(inside)]
+    return inside.size, float(np.sqrt((inliers**2).mean())) / TRUNCATION
