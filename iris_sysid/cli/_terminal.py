@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from iris_sysid.types import FitResult, OdeModel, Track, Trajectory, Verdict
 
 NOT_GOOD = 3  # exit status with --strict
-FIRST_USE = "first use: compiling (a minute or two, kept for later)"
+FIRST_USE = "first use: compiling (up to a minute, kept for later)"
 MAX_LINE = 4000  # characters of a message: names and cells of a damaged file can have megabytes
 
 

@@ -1,4 +1,4 @@
-"""Who is to be told that numba compiles: a first use stands still for a minute or two, later ones do not."""
+"""Who is to be told that numba compiles: a first use stands still for up to a minute, later ones do not."""
 
 from __future__ import annotations
 
