@@ -16,7 +16,7 @@ from trackers._detection.detection import pasted
 from trackers._detection.foreground import MIN_SUPPORT, SQUARE, Blob, background_range_of, components
 from trackers._detection.image_operations import blurred, quantile, rough_depth
 from trackers._detection.shading import MIN_A_TERM, shading
-from trackers._detection.window_setup import looks_of, moments_of_difference, seen_roughly
+from trackers._detection.window_setup import looks_of, made_ready, moments_of_difference, seen_roughly
 from trackers._frames.working_image import WorkingView
 
 
@@ -259,3 +259,16 @@ def test_shading_of_a_few_pixels_is_their_mean():
     inside[4:6, 4:6] = True
     assert shading(image, depth_of(inside), np.ones((10, 10), bool)) == pytest.approx(image[0][inside].mean())
     assert not shading(image, np.zeros((10, 10), np.float32), np.zeros((10, 10), bool)).any()
+
+
+@pytest.mark.parametrize("channels", [1, 3])
+def test_a_thin_part_on_a_small_body_is_not_of_its_mask(channels):
+    body = cv2.circle(np.zeros((40, 40), np.uint8), (20, 24), 5, 1, -1)
+    mask = body.copy()
+    mask[2:20, 20] = 1
+    planes = np.full((3, channels, 40, 40), 90, np.float32)
+    planes[0][:, mask > 0], planes[2] = 160, 1
+    _, found, other = made_ready(tuple(planes), mask, np.zeros_like(mask), 1)
+    assert not found[2:18].any()
+    assert np.count_nonzero(found != body) <= 4
+    assert not other.any()

@@ -73,9 +73,7 @@ def _shaded(image: Image, background: Image, noise: Image) -> Flags:
 
 
 def _without(mask: Bytes, shaded: Flags) -> Bytes:
-    """A mask without the shadow that hangs on the body; as it is where that makes it no rounder: a grey body."""
-    if not (shaded & (mask > 0)).any():
-        return mask
+    """A mask without shadow and thin parts on the body; as it is where that makes it no rounder: a grey body."""
     body = cv2.morphologyEx(mask * ~shaded, cv2.MORPH_OPEN, SQUARE)
     depth = rough_depth(body)
     body = filled_round(body, as_bytes(depth > CORE_DEPTH * depth.max()))
