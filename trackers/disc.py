@@ -45,7 +45,7 @@ CORRELATION_ABSORBED = 0.25
 # errors of the radius over those of the centre: of an outline whose errors at each angle are independent
 RADIUS_OF_CENTRE = np.sqrt(0.5)
 MAX_BLOB_RADIUS = (
-    0.1  # of the image's diagonal, radius: what is larger, e.g. a hand, is measured only once it is the body
+    0.1  # of the image's diagonal, radius: a larger object, e.g. a hand, is measured only once it is the body
 )
 REPORT_EVERY = 10  # frames between two calls of the progress function
 EMPTY = (np.nan,) * 8

@@ -8,7 +8,7 @@ from trackers._uncertainty.running_median import running_median
 
 
 @pytest.mark.parametrize(("beyond", "mode"), [("reflect", "mirror"), ("edge", "nearest")])
-@pytest.mark.parametrize("count", [16, 40])
+@pytest.mark.parametrize("count", [1, 3, 9, 15, 16, 40])
 def test_running_median_is_that_of_scipy(count, beyond, mode):
     values = np.random.default_rng(count).normal(size=count)
     for size in (5, 31):

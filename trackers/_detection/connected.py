@@ -7,13 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iris_sysid.io.kernels import kernel
-from trackers._frames.arrays import Bytes
+from trackers._detection.image_operations import as_bytes
+from trackers._frames.arrays import Bytes, Flags
 
 Labels = NDArray[np.int32]
 ROW, FIRST, STOP = range(3)  # of a run of pixels in a row
 
 
-def connected_parts(mask: Bytes, seeds: Bytes) -> tuple[Labels, Labels]:
+def connected_parts(mask: Bytes | Flags, seeds: Bytes | Flags) -> tuple[Labels, Labels]:
     """Parts of a mask, connected by sides or corners, that hold pixels of ``seeds``.
 
     Parameters
@@ -27,7 +28,7 @@ def connected_parts(mask: Bytes, seeds: Bytes) -> tuple[Labels, Labels]:
         Number of each pixel's part (h, w), from 1, and of each part left, top, right, bottom (exclusive), number of
         seeds (k, 5).
     """
-    return parts_with(np.ascontiguousarray(mask), np.ascontiguousarray(seeds))
+    return parts_with(as_bytes(mask), as_bytes(seeds))
 
 
 @kernel(nogil=True)
@@ -95,9 +96,9 @@ def _join(part: Labels, run: int, other: int) -> None:
     part[max(run, other)] = min(run, other)
 
 
-def filled_round(mask: Bytes, seed: Bytes) -> Bytes:
+def filled_round(mask: Bytes | Flags, seed: Bytes | Flags) -> Bytes:
     """The parts of ``mask`` (h, w), connected by sides, that overlap ``seed`` (h, w), their holes filled."""
-    return np.asarray(filled_about(np.ascontiguousarray(mask), np.ascontiguousarray(seed)))
+    return np.asarray(filled_about(as_bytes(mask), as_bytes(seed)))
 
 
 @kernel(nogil=True)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iris_sysid.io.kernels import kernel
+from trackers._detection.image_operations import as_bytes
 from trackers._frames.arrays import Bytes, Flags, Image
 
 
@@ -25,7 +26,7 @@ def depth_of(mask: Bytes | Flags, *, outside: bool = True) -> Image:
     outside
         Whether pixels outside of the mask are 0; if not, they do not count.
     """
-    return np.asarray(exact_depth(np.ascontiguousarray(mask).view(np.uint8), outside))
+    return np.asarray(exact_depth(as_bytes(mask), outside))
 
 
 @kernel(nogil=True)

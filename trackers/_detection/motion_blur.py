@@ -132,9 +132,9 @@ class _Pixels:
         """Residual of the best brightness and shadow (n, channels)."""
         return np.asarray(swept_left_over(*self._data, sweep.values))
 
-    def slopes(self, sweep: Sweep, left: Array) -> Array:
-        """Derivatives of the residual ``left`` by the five numbers of a sweep (n * channels, 5)."""
-        return np.asarray(swept_slopes(*self._data, sweep.values, left))
+    def slopes(self, sweep: Sweep) -> Array:
+        """Derivatives of the residual by the five numbers of a sweep (n * channels, 5)."""
+        return np.asarray(swept_slopes(*self._data, sweep.values))
 
     def swept(self, start: Sweep, enough: float, steps: int = STEPS) -> tuple[Sweep, Array]:
         """The sweep that leaves least over, and what it leaves (n, channels), by the method of Levenberg and Marquardt.
@@ -147,7 +147,7 @@ class _Pixels:
             return swept_left_over(*self._data, values).ravel()
 
         def slopes(values: Array) -> Array:
-            return swept_slopes(*self._data, values, swept_left_over(*self._data, values))
+            return swept_slopes(*self._data, values)
 
         found = least_squares(left_over, start.values, slopes, method="lm", ftol=enough, max_nfev=steps + 1)
         return _sweep(found.x), np.asarray(found.fun.reshape(self.difference.shape))
@@ -180,7 +180,7 @@ def _covariance(pixels: _Pixels, sweep: Sweep, left: Array) -> Array:
     The residual is correlated within the blocks of a coder: the covariance is the one that is robust to clusters (Liang
     and Zeger 1986, Biometrika 73, 13), H^-1 (sum over blocks of s s') H^-1 with H = J'J and s = J'r of a block.
     """
-    jacobian, count = pixels.slopes(sweep, left), sweep.values.size
+    jacobian, count = pixels.slopes(sweep), sweep.values.size
     inverse = np.linalg.pinv(jacobian.T @ jacobian)
     across, down = ((places // BLOCK).astype(np.int64) for places in (pixels.columns, pixels.rows))
     _, block = np.unique(across * (int(down.max()) + 1) + down, return_inverse=True)

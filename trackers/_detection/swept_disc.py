@@ -63,11 +63,9 @@ def swept_left_over(columns: Array, rows: Array, difference: Array, background: 
     return np.asarray(left - terms @ np.linalg.solve(gram, terms.T @ left))
 
 
-def swept_slopes(columns: Array, rows: Array, difference: Array, background: Array, sweep: Array, left: Array) -> Array:
-    """Derivatives (n * channels, 5) by the sweep of what is ``left`` (n, channels), by differences.
-
-    The other arguments are as for :func:`swept_left_over`, which gives what is left.
-    """
+def swept_slopes(columns: Array, rows: Array, difference: Array, background: Array, sweep: Array) -> Array:
+    """Derivatives (n * channels, 5) of :func:`swept_left_over` by the sweep, by differences; its arguments."""
+    left = swept_left_over(columns, rows, difference, background, sweep)
     steps = STEP * np.where(sweep == 0, 1.0, sweep)
     moved = (swept_left_over(columns, rows, difference, background, sweep + step) for step in np.diag(steps))
     return np.column_stack([(off - left).ravel() / step for off, step in zip(moved, steps, strict=True)])

@@ -8,8 +8,8 @@ import numpy as np
 from iris_sysid.types import Array
 from trackers._detection.connected import filled_round
 from trackers._detection.coverage_kernels import Planes
-from trackers._detection.foreground import CONTRAST_SHARES, WEAK_SIGMAS
-from trackers._detection.image_operations import as_bytes, dilated, quantile, rough_depth
+from trackers._detection.foreground import CONTRAST_SHARES, SQUARE, WEAK_SIGMAS
+from trackers._detection.image_operations import dilated, quantile, rough_depth
 from trackers._frames.arrays import Bytes, Flags, Image
 
 RING = 4  # px from the body to the ring in which the background's level is compared
@@ -19,7 +19,6 @@ COLOUR_SIGMAS, COLOUR_FLOOR = 3.0, 3.0  # floor in grey levels: largest change o
 CORE_DEPTH = 0.5  # of the inscribed radius: deeper pixels are of the body
 ROUNDER = 1.15  # times: least gain in roundness when a possible shadow is removed
 STEEP = 0.9  # of the pixels of an outline are less steep
-SQUARE = np.ones((3, 3), np.uint8)
 
 
 def made_ready(planes: Planes, mask: Bytes, other: Bytes, finer: int) -> tuple[Image, Bytes, Bytes]:
@@ -53,7 +52,7 @@ def _sharpened(mask: Bytes, level: Image, noise: Image, step: int) -> Bytes:
     """A mask found at reduced size, made right to the pixel by the difference (h, w) from the background."""
     faint = CONTRAST_SHARES[0] * quantile(level[mask > 0], 0.9)
     differs = level > np.maximum(faint, WEAK_SIGMAS * noise.max(axis=0))
-    return filled_round(as_bytes(differs & (dilated(mask, step) > 0)), mask)
+    return filled_round(differs & (dilated(mask, step) > 0), mask)
 
 
 def _shaded(image: Image, background: Image, noise: Image) -> Flags:
@@ -76,7 +75,7 @@ def _without(mask: Bytes, shaded: Flags) -> Bytes:
     """A mask without shadow and thin parts on the body; as it is where that makes it no rounder: a grey body."""
     body = cv2.morphologyEx(mask * ~shaded, cv2.MORPH_OPEN, SQUARE)
     depth = rough_depth(body)
-    body = filled_round(body, as_bytes(depth > CORE_DEPTH * depth.max()))
+    body = filled_round(body, depth > CORE_DEPTH * depth.max())
     return body if _roundness(body) > ROUNDER * _roundness(mask) else mask
 
 

@@ -72,9 +72,7 @@ def lobe_amplitudes(share: Array | Image, offset: NDArray[np.complex128], radius
         Of the disc, px.
     """
     weight, direction = share / (np.pi * radius), offset / np.maximum(np.abs(offset), 1e-9)
-    twice = direction * direction
-    third = twice * direction
-    amplitudes = [complex(weight @ power) for power in (third, third * twice)]
+    amplitudes = [complex(weight @ direction**lobe) for lobe in LOBES]
     return tuple(part for amplitude in amplitudes for part in (amplitude.real, amplitude.imag))
 
 

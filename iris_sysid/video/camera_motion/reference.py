@@ -101,8 +101,8 @@ def _explained(
 def in_reference(track: Track, steady: SteadyVideo) -> Track:
     """A track of the steady clip in px of the first frame, with the motion and its error.
 
-    Where the edge of its own frame cuts the body, the pixels beyond were put there: what is left of it says where it
-    is, or the sample is a gap.
+    Where the edge of its own frame cuts the body, the pixels beyond were put there: the part that is seen gives its
+    position, or the sample is a gap.
     """
     canvas, size, to_frame = steady.canvas, (steady.video.width, steady.video.height), steady.motion.of(track.frame)
     seen_px = track.xy_px + np.array([canvas.left, canvas.top])
