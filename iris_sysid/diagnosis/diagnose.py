@@ -30,7 +30,14 @@ from iris_sysid.diagnosis.noise_notes import noise_notes
 from iris_sysid.diagnosis.notes import diagnostic_notes, input_gap_notes, negative_damping_note, weak_notes
 from iris_sysid.diagnosis.open_world import Judgement, OpenWorld, with_components
 from iris_sysid.diagnosis.prediction_error import fitted_error
-from iris_sysid.diagnosis.refit import AT_NOISE, COMPLETE, ModelWithEffects, pooled, with_free_geometry
+from iris_sysid.diagnosis.refit import (
+    AT_NOISE,
+    COMPLETE,
+    ModelWithEffects,
+    pooled,
+    with_free_geometry,
+    with_values,
+)
 from iris_sysid.diagnosis.residual_components import clip_residual, components_of
 from iris_sysid.diagnosis.score_test import combined
 from iris_sysid.diagnosis.search_report import SearchReport, holds_zero
@@ -54,6 +61,7 @@ from iris_sysid.types import (
     OdeModel,
     PredictionErrors,
     Trajectory,
+    normal_isf,
 )
 
 ABOVE_NOISE = 1.1  # residual / noise above which terms are suggested; the noise itself is known to a few percent
@@ -302,12 +310,15 @@ def _of_complete(
     report, weak = settled
     final = report.final
     sure = _residual_ratio(final, cache.base) <= COMPLETE
-    shares = {}
+    shares, finals = {}, list(report.finals())
     for effect in final.effects:
         decided = sure and _residual_ratio(world.without_absorbing(final, effect), cache.base) <= AT_NOISE
         odds = world.rivals.with_alone(report.probabilities(effect), final, effect, sure=decided)
         # most effects were fitted alone only in the search
         shares[effect.name] = searched.rivals.with_alone(odds, final, effect, sure=decided)
+        alone = {*shares[effect.name]} - {*report.probabilities(effect)}
+        others = [each for tried in (world, searched) for each in tried.rivals.instead_of(final, effect, alone)]
+        finals = [_spanning_rivals(fitted, final, others, k) for k, fitted in enumerate(finals)]
     rivals = {name: [other for other in names if other != name] for name, names in shares.items()}
     findings = world.of_complete(final, rivals)
     said = {name for finding in findings if finding.word in ("named", "group") for name in finding.effects[:1]}
@@ -316,7 +327,7 @@ def _of_complete(
         world,
         final,
         (*path[:-1], final),
-        report.finals(),
+        tuple(finals),
         added,
         tuple(effect for effect in final.effects if effect.name not in said),
         {name: report.size(name) for name in final.sizes},
@@ -336,7 +347,7 @@ def _of_open(cache: FitCache, world: OpenWorld, judgement: Judgement) -> _Answer
     final = replace(final, effects=tuple(sorted(final.effects, key=lambda effect: order[effect.name])))
     follows = _residual_ratio(final, cache.base) <= NOISE_UNSURE
     finals = tuple(
-        _in_weak_form(cache.clips[k], fitted, judgement.weak[k], follows)
+        _in_weak_form(world, judgement, fitted, k, cache.clips[k], follows=follows)
         if judgement.weak
         else _in_open_world(world, judgement, fitted, k, cache.clips[k])
         for k, fitted in enumerate(final.fits)
@@ -398,26 +409,29 @@ def _with_all_samples(cache: FitCache, judged: ModelWithEffects) -> ModelWithEff
     if again and not final.usable:
         final = cache.refitted_again(judged)
     if not final.usable:  # many samples, or a moment that moves by them, take more steps than a fit has
-        final = cache.refitted_again(final)
+        final = cache.refitted_again(final, rough=True)
     return final if final.usable else cache.base
 
 
 def _in_weak_form(
-    clip: FitRequest, fitted: FitResult, values: Mapping[str, tuple[float, float]], follows: bool
+    world: OpenWorld, judgement: Judgement, fitted: FitResult, k: int, clip: FitRequest, *, follows: bool
 ) -> FitResult:
-    """The free run with the values of the weak form and their errors, as a prior where it ``follows`` the data.
+    """The fit of the k-th clip with values in weak form as well.
 
     What is missing of a force errs each window by itself, but adds up in a free run, whose residual is then correlated
-    from end to end: no error of its values can be told from one record, and they are worse. There only its start is
-    fitted. As both are of one record, errors beside a prior are a little small.
+    from end to end: no error of its values can be told from one record, and they are worse. So where the two disagree,
+    the values are those of the weak form, and only the start of the run is fitted. Where they agree, or the run
+    ``follows`` the data, the weak form is a prior. As both are of one record, errors beside a prior are a little small:
+    they are at least those by fits without a block.
     """
-    known = {
-        name: replace(fitted.estimates[name], value=value, stderr=error, ci95=None)
-        for name, (value, error) in values.items()
-    }
-    start, free = {name: fitted.estimates[name].value for name in fitted.model.initial_names}, [*known] * follows
-    run = solve(clip.with_(model=fitted.model, fixed={**clip.fixed, **known}, free=free).from_near(start))
-    return run if run.usable else fitted
+    weak, level = judgement.weak[k], normal_isf(0.025 / len(judgement.weak[k]))
+    agree = all(abs(fitted.estimates[name].value - value) <= level * error for name, (value, error) in weak.items())
+    run = with_values(clip, fitted, weak, free=agree or follows)
+    if not run.usable:
+        return fitted
+    estimates = world.shares.errors(judgement.model).estimates(k, run) if agree and not follows else {}
+    wider = {name: each for name, each in estimates.items() if each.stderr > run.estimates[name].stderr}
+    return replace(run, estimates={**run.estimates, **wider})
 
 
 def _in_open_world(world: OpenWorld, judgement: Judgement, fitted: FitResult, k: int, clip: FitRequest) -> FitResult:
@@ -437,13 +451,25 @@ def _in_open_world(world: OpenWorld, judgement: Judgement, fitted: FitResult, k:
             known = estimates.get(name, fitted.estimates[name])
             if error > known.stderr and name not in sizes:
                 estimates[name] = replace(known, stderr=float(error), ci95=None)
-    every = {**fitted.estimates, **estimates}
+    every = replace(fitted, estimates={**fitted.estimates, **estimates})
     for effect in judged.effects:
         rivals = world.rivals.instead_of(judged, effect, judgement.rivals[effect.name])
-        for name in set(fitted.free) - sizes:
-            others = [each.fits[k].estimates[name] for each in rivals if name in each.fits[k].free]
-            every[name] = spanning(every[name], others)
-    return replace(fitted, estimates=every)
+        every = _spanning_rivals(every, judged, rivals, k)
+    return every
+
+
+def _spanning_rivals(
+    fitted: FitResult, model: ModelWithEffects, rivals: Sequence[ModelWithEffects], k: int
+) -> FitResult:
+    """The fit of the k-th clip with intervals of the equation's own values that hold those of some rivals as well."""
+    own = {*fitted.free} - {*model.sizes}
+    every = {
+        name: spanning(
+            fitted.estimates[name], [each.fits[k].estimates[name] for each in rivals if name in each.fits[k].free]
+        )
+        for name in own
+    }
+    return replace(fitted, estimates={**fitted.estimates, **every})
 
 
 def _diagnosis(

@@ -123,10 +123,19 @@ class FitCache:
         """The model with some effects of one that was fitted to fewer samples or roughly, from where that fit ended."""
         return self._fitted(replace(found, units=self.base.units), effects, self._no_starts, ())
 
-    def refitted_again(self, found: ModelWithEffects) -> ModelWithEffects:
-        """The same model as one that was fitted to fewer samples, in its shapes; takes the place of one that failed."""
+    def refitted_again(self, found: ModelWithEffects, *, rough: bool = False) -> ModelWithEffects:
+        """The same model as one that was fitted to fewer samples, in its shapes; takes the place of one that failed.
+
+        Parameters
+        ----------
+        found
+            The model.
+        rough
+            Whether to end as fits do that compare models: a fit of long records can creep for ever.
+        """
         start = replace(found, units=self.base.units)
-        self._models[found.key] = refitted(self.clips, start, self._model, found.effects, self._no_starts)
+        clips = [clip.with_(options=replace(clip.options, rough=rough)) for clip in self.clips]
+        self._models[found.key] = refitted(clips, start, self._model, found.effects, self._no_starts)
         return self._models[found.key]
 
     def without(self, current: ModelWithEffects, effect: Effect) -> ModelWithEffects:

@@ -12,13 +12,15 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from iris_sysid.diagnosis.component_support import EVIDENT_SHARE, ComponentSupport
 from iris_sysid.diagnosis.contributions import NAMED_SHARE, Contributions, starts_of
 from iris_sysid.diagnosis.effect_search import AT_ONCE, MAX_EFFECTS, EffectSearch
 from iris_sysid.diagnosis.evidence import DECISIVE
 from iris_sysid.diagnosis.fit_cache import FitCache
 from iris_sysid.diagnosis.held_out_blocks import MIN_SHARE
-from iris_sysid.diagnosis.refit import ModelWithEffects
+from iris_sysid.diagnosis.refit import ModelWithEffects, with_values
 from iris_sysid.diagnosis.residual_components import odds_over_curves
 from iris_sysid.diagnosis.rivals import MAIN_SHARE, RIVALS, Rivals
 from iris_sysid.diagnosis.weak_ranking import WeakSet
@@ -26,6 +28,7 @@ from iris_sysid.types import Component, Components, Effect, Finding
 
 ABSORBED_SHARE = 0.5  # of the squared error over blocks left out that what can imitate anything removes, if it is named
 DOMINANT_SHARE = 0.85  # of the residual's squares that it explains alone, where the components do not say it
+FOLLOWED = 0.5  # of the residual's variance, that a free run with values in weak form removes
 LOCATED_SHARE = 0.05  # of the residual's variance from which a component without an effect is reported
 
 
@@ -107,7 +110,13 @@ class OpenWorld:
             if chosen is not None and model.squares > chosen[1].squares:
                 break
             chosen = found, model
-        return None if chosen is None else self._of_weak(*chosen)
+        return None if chosen is None or not self._is_followed(*chosen) else self._of_weak(*chosen)
+
+    def _is_followed(self, found: WeakSet, model: ModelWithEffects) -> bool:
+        """Whether free runs with the values in weak form explain much of the residual; not where a sensor lags."""
+        each = zip(self._cache.clips, model.fits, found.estimates, self._cache.base.fits, strict=True)
+        runs = [(with_values(clip, fitted, values), before) for clip, fitted, values, before in each]
+        return all(run.usable and bool(np.all(run.rms**2 < (1 - FOLLOWED) * before.rms**2)) for run, before in runs)
 
     def _of_weak(self, found: WeakSet, model: ModelWithEffects) -> Judgement:
         judged = {effect.name: self._cache.weak.judged(found, effect) for effect in found.effects}

@@ -73,6 +73,31 @@ def fit_from(clip: FitRequest, model: OdeModel, start: Mapping[str, float]) -> F
     return solve(request.from_near(start) if start else request)
 
 
+def with_values(
+    clip: FitRequest, fitted: FitResult, values: Mapping[str, tuple[float, float]], *, free: bool = False
+) -> FitResult:
+    """The fit of a clip with values known from elsewhere and their standard errors: its start alone, or all of them.
+
+    Parameters
+    ----------
+    clip
+        What is known of it otherwise is held.
+    fitted
+        A fit of the model, from whose start it begins.
+    values
+        By name, each with its standard error.
+    free
+        Whether they are a prior, and fitted as well.
+    """
+    known = {
+        name: replace(fitted.estimates[name], value=value, stderr=error, ci95=None)
+        for name, (value, error) in values.items()
+    }
+    start = {name: fitted.estimates[name].value for name in fitted.model.initial_names}
+    request = clip.with_(model=fitted.model, fixed={**clip.fixed, **known}, free=[*known] if free else [])
+    return solve(request.from_near(start))
+
+
 def forms(effect: Effect) -> tuple[str, ...]:
     """Names of the parameters that hold the form of an effect, an exponent or a width."""
     return tuple(parameter.name for parameter in effect.parameters if parameter.role == "form")

@@ -61,4 +61,5 @@ def _of_force(effect: Effect, sizes: Array, fitted: FitResult, model: OdeModel, 
 
 
 def _rms(values: Array) -> float:
-    return float(np.sqrt(np.nanmean(values**2)))
+    with np.errstate(over="ignore"):  # of a motion that runs away it is infinite
+        return float(np.sqrt(np.nanmean(values**2)))

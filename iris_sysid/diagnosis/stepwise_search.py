@@ -7,7 +7,7 @@ addition every effect must still be significant, and better than its rivals, giv
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from iris_sysid.diagnosis.evidence import DECISIVE, best_first, cost_above
 from iris_sysid.diagnosis.fit_cache import FitCache
@@ -17,6 +17,7 @@ from iris_sysid.types import Effect
 
 MAX_ADDED = 4
 MAX_REVISIONS = 4
+FORMED = 2  # rivals of an effect that are tried in another form
 FAR_LESS = 0.6  # fraction of the best first-order gain: a refit does not make up for a larger difference
 
 
@@ -74,12 +75,7 @@ class StepwiseSearch:
 
         A friction that is rounded off, or a drag of another power, does not call for a second effect.
         """
-        formed = [
-            self._cache.with_free_form(current, effect)
-            for effect in current.effects
-            if forms(effect) and not fitted_forms(effect)
-        ]
-        best = best_first([model for model in formed if model.usable and self._cache.library.allows_fit(model)])[:1]
+        best = best_first(self._formed([current]))[:1]
         return next((model for model in best if cost_above(model, longer) < DECISIVE), None)
 
     def _longer(self, current: ModelWithEffects) -> ModelWithEffects | None:
@@ -147,7 +143,19 @@ class StepwiseSearch:
         if not self._is_needed(current, effect) and self._cache.library.allows_fit(rest):
             return rest
         rivals = self._cache.rivals(rest, effect)
+        if not current.at_noise:  # a rival may lack no more than its form
+            rivals += self._formed([current, *rivals[:FORMED]])
         return next(iter(best_first([rival for rival in rivals if cost_above(current, rival) > DECISIVE])), None)
+
+    def _formed(self, models: Sequence[ModelWithEffects]) -> list[ModelWithEffects]:
+        """The models with the form of one of their effects fitted as well."""
+        formed = [
+            self._cache.with_free_form(model, effect)
+            for model in models
+            for effect in model.effects
+            if forms(effect) and not fitted_forms(effect)
+        ]
+        return [model for model in formed if model.usable and self._cache.library.allows_fit(model)]
 
     def _predicts_better(self, candidate: ModelWithEffects, current: ModelWithEffects) -> bool:
         """Whether samples that were left out are predicted better; false where none can be left out."""

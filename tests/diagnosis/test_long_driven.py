@@ -54,6 +54,30 @@ def test_what_acts_after_the_first_samples_alone_is_found(fitted_samples):
     assert [effect.name for effect in found.added] == ["input-saturation"]
 
 
+def test_another_form_of_a_friction_is_in_the_intervals_of_the_values():
+    found = diagnose(cart(DRY), CART)
+    assert found.after.fitted < 0.01 * found.before.fitted
+    for name in ("c", "k", "m"):  # a friction that weakens takes a part of the damping
+        low, high = found.final.estimates[name].interval
+        assert low < VALUES[name] < high
+        assert high - low < 0.1 * VALUES[name]
+
+
+@pytest.mark.slow
+def test_values_in_weak_form_count_only_if_their_run_follows_the_motion():
+    """A sensor that lags falsifies the mass and the stiffness in short windows."""
+    clip, tau_s = cart(CART), 0.03
+    lagging = clip.position.copy()
+    for k in range(1, WHOLE):
+        lagging[k] = lagging[k - 1] + (1.0 - np.exp(-0.01 / tau_s)) * (lagging[k] - lagging[k - 1])
+    found = diagnose(clip.with_(position=lagging, valid=np.arange(WHOLE) < 800), CART)
+    assert found.after.fitted < 0.3 * found.before.fitted
+    assert "exposure-lag" in {effect for names in found.indistinguishable.values() for effect in names}
+    for name in ("c", "k", "m"):
+        low, high = found.final.estimates[name].interval
+        assert low < VALUES[name] < high
+
+
 def test_steps_span_samples_at_which_no_held_input_changes():
     clip = cart(CART)
     values = np.array([VALUES[name] for name in ("c", "k", "m", "q_0", "q_rate_0")])

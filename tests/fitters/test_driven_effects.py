@@ -63,6 +63,10 @@ def squared(share=-0.3, largest=2.0):
     return oscillator(lambda t: smooth(t) + share * smooth(t) * abs(smooth(t)) / largest)
 
 
+def one_way(share=0.2, largest=2.0):
+    return oscillator(lambda t: smooth(t) + share * smooth(t) ** 2 / largest)
+
+
 def loose(gap=0.4):
     """Play, followed on a grid a hundred times finer than the samples."""
     fine = np.arange(100 * SAMPLES) / RATE_HZ / 100
@@ -116,6 +120,7 @@ CASES = [
     Case("input-saturation", cut, 1.0, shape=(0.8, 0.0), others={"saturation_level": 0.8}),
     Case("input-non-linearity", bent, 0.3, shape=(3.0, 2.0, 0.0)),
     Case("input-non-linearity", squared, -0.3, shape=(2.0, 2.0, 0.0)),
+    Case("input-asymmetry", one_way, 0.2, shape=(2.0, 2.0, 0.0)),
     Case("input-backlash", loose, 0.4),
     Case("cogging", cogs, 0.3, CART, shape=(20.0, 0.5), others={"cogging_waves": 20.0}, near=False),
     Case("directional-drag", uneven, 0.3, others={"damping": 0.6}),
