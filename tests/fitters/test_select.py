@@ -5,7 +5,7 @@ import pytest
 
 from fitters.compose_effects import with_effects
 from fitters.ode import simulate
-from fitters.selection.observables import circle_of, observables_of, raw_of
+from fitters.selection.observables import observables_of, raw_of
 from fitters.selection.select import _chosen, select_model
 from iris_sysid.errors import FitError
 from iris_sysid.registry import MODELS
@@ -95,14 +95,6 @@ def test_short_clip_and_unknown_observable_are_refused():
         select_model(track(t_s, on_arc(t_s), ["m", "m"]))
     with pytest.raises(FitError, match="no model of the bank observes"):
         select_model(track(np.arange(30) / 60, {"q": np.arange(30.0)}, ["kg"]))
-
-
-def test_circle_of_least_squares_finds_centre_and_radius_of_a_short_arc():
-    angle = np.linspace(-0.3, 0.3, 200)
-    noise = 1e-4 * np.random.default_rng(1).standard_normal((200, 2))
-    circle = circle_of(np.column_stack([2 + 0.5 * np.sin(angle), 1 - 0.5 * np.cos(angle)]) + noise)
-    assert circle == pytest.approx((2, 1, 0.5), abs=2e-3)
-    assert circle_of(np.column_stack([angle, 2 * angle])) is None
 
 
 def test_every_observable_of_a_track_counts_the_same_channels():
