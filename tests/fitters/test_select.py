@@ -29,7 +29,8 @@ def on_arc(t_s, model="pendulum", values=SWING):
 
 @pytest.mark.slow
 def test_position_of_a_bob_is_taken_for_the_angle_of_a_pendulum_about_a_pivot_that_nobody_gave():
-    choice = select_model(track(np.arange(240) / 60, on_arc(np.arange(240) / 60), ["m", "m"]))
+    t_s = np.arange(120) / 30
+    choice = select_model(track(t_s, on_arc(t_s), ["m", "m"]))
     assert (choice.chosen.model, choice.chosen.observable) == ("pendulum", "angle")
     assert choice.chosen.fit.estimates["length"].value == pytest.approx(0.5, rel=0.01)
     linear = next(candidate for candidate in choice.ranking if candidate.model == "linear-pendulum")
@@ -71,9 +72,9 @@ def test_columns_are_taken_by_their_unit_whatever_their_name():
 
 @pytest.mark.slow
 def test_nothing_is_chosen_when_no_model_of_the_bank_fits():
-    t_s = np.arange(240) / 60
-    wander = np.cumsum(np.random.default_rng(3).standard_normal((240, 2)), axis=0)
-    smooth = np.stack([np.convolve(column, np.hanning(25) / 12, mode="same") for column in wander.T])
+    t_s = np.arange(120) / 30
+    wander = np.cumsum(np.random.default_rng(3).standard_normal((120, 2)), axis=0)
+    smooth = np.stack([np.convolve(column, np.hanning(13) / 6, mode="same") for column in wander.T])
     choice = select_model(track(t_s, {"x": smooth[0], "z": smooth[1]}, ["m", "m"], 1e-4))
     assert choice.chosen is None
     assert choice.message.startswith("none of these: the nearest, ")
