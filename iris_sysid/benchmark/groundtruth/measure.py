@@ -139,8 +139,10 @@ def measure(
     chosen = _chosen(listing.clips, conditions.trials)
     calibrated = _calibrated(listing, root, measured, chosen, gaps, workers)
     jobs = [_job(clip, root, measured, conditions, clip.class_name in calibrated) for clip in chosen]
-    now = 0
-    outcomes = run_parallel(Batch(root, _measured, _lost), _in_turn(jobs), workers)
+    # the first clip of every setting, then the second of every one: a run that ends early has some of each
+    turns = zip(places(chosen), jobs, strict=True)
+    in_turn = [job for _, job in sorted(turns, key=lambda pair: pair[0])]
+    now, outcomes = 0, run_parallel(Batch(root, _measured, _lost), in_turn, workers)
     for job, (measured_now, reason) in with_progress(outcomes, progress, len(jobs)):
         now += measured_now
         if reason and measured_now:
@@ -157,12 +159,6 @@ def _chosen(clips: Sequence[Clip], trials: int | None) -> list[Clip]:
     if trials is not None and trials < 1:
         raise DataError(f"trials must be at least 1, not {trials}")
     return [clip for clip, turn in zip(clips, places(clips), strict=True) if trials is None or turn < trials]
-
-
-def _in_turn(jobs: Sequence[ClipJob]) -> list[ClipJob]:
-    """The first clip of every setting, then the second of every setting: a run that ends early has some of each."""
-    turns = places([job.clip for job in jobs])
-    return [job for _, job in sorted(zip(turns, jobs, strict=True), key=lambda pair: pair[0])]
 
 
 def _calibrated(
