@@ -116,9 +116,8 @@ def _reaches(
     half_widths = np.arange(MIN_HALF_WIDTH, widest + 1.0, QUARTER)
     places = 2 * half_widths.size + RING_LISTS  # quarters of a px, and the lines between them, where no ring ends
     quarters = (distance + MIN_HALF_WIDTH) / -QUARTER
-    place = np.minimum(np.floor(quarters) + np.ceil(quarters), places - 1).astype(np.uint16) + (places * axis).astype(
-        np.uint16
-    )
+    place = np.minimum(np.floor(quarters) + np.ceil(quarters), places - 1) + places * axis
+    place = place.astype(np.uint16)  # which is sorted by its digits
     order = np.lexsort((beside, place))
     starts, listed = np.searchsorted(place[order], np.arange((axes or 1) * places)), beside[order]
     ended = [_ended(listed, part, half_widths.size, axes is None) for part in starts.reshape(-1, places)]
