@@ -317,10 +317,6 @@ def _root(parts: list[Written]) -> Written:
     return _power([inside, (f"1/{_inside(degree, ATOM)}", PRODUCT)])
 
 
-def _logarithm(parts: list[Written]) -> Written:
-    return f"log({parts[1][0]})/log({parts[0][0]})", PRODUCT
-
-
 def _writers(libsbml: ModuleType) -> dict[int, Writer]:
     """How each kind of node of a syntax tree is written."""
     written = {name: _function(head) for head, name in NODES.items() if head in FUNCTIONS} | {
@@ -331,7 +327,7 @@ def _writers(libsbml: ModuleType) -> dict[int, Writer]:
         "AST_POWER": _power,
         "AST_FUNCTION_POWER": _power,
         "AST_FUNCTION_ROOT": _root,
-        "AST_FUNCTION_LOG": _logarithm,
+        "AST_FUNCTION_LOG": lambda parts: (f"log({parts[1][0]})/log({parts[0][0]})", PRODUCT),
         "AST_FUNCTION_MAX": _function("max"),
         "AST_FUNCTION_MIN": _function("min"),
         "AST_NAME_TIME": lambda parts: (TIME, ATOM),

@@ -181,7 +181,8 @@ def _adapted(
     fixed = {name: value for name, value in fixed.items() if name not in pivot}
     opened = [name for name in free if name in names and name not in fixed]
     if observable.name in ("height", TILTED, "position"):
-        opened += _held_gravity(model)
+        # a held gravity would favour a model over those that estimate it
+        opened += [parameter.name for parameter in model.with_role("gravity") if parameter.constant]
     upright = sorted(parameter.name for parameter in model.with_role("vertical"))
     fixed |= {name: Estimate(0.0, UPRIGHT, "rad", source="a camera held upright") for name in upright}
     opened += upright
@@ -196,11 +197,6 @@ def _adapted(
             fixed[size] = Estimate(0.0, UPRIGHT, "rad", source="a camera held upright")
             opened.append(size)
     return model, fixed, opened
-
-
-def _held_gravity(model: OdeModel) -> list[str]:
-    """Gravity of a model that holds it: a held gravity would favour that model over those that estimate it."""
-    return [parameter.name for parameter in model.with_role("gravity") if parameter.constant]
 
 
 def _pulls(full: FitResult, fixed: Mapping[str, float | Estimate]) -> float:

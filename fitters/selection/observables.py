@@ -8,13 +8,13 @@ compared between observables, and they have the units of the raw channels, so th
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from fitters.noise.measurement_noise import noise_from_differences
+from iris_sysid.trajectory.circle import circle_through
 from iris_sysid.types import Array, Mask, OdeModel, Quantity, Trajectory
 
 MAX_RADIUS = 30.0  # times the extent of a track: a circle that large is a line
@@ -42,6 +42,11 @@ class Raw:
     def column(self, name: str) -> Array:
         """One channel (n,). It has the unit of the channel."""
         return self.channels[:, self._index(name)]
+
+    @property
+    def plane(self) -> Array:
+        """X and z (n, 2), in the unit of the position."""
+        return np.column_stack([self.column("x"), self.column("z")])
 
     def sigma(self, *names: str) -> float:
         """Noise of some channels together."""
@@ -93,38 +98,26 @@ def raw_of(trajectory: Trajectory, used: Mask) -> Raw:
 
 def observables_of(raw: Raw, known: Mask) -> list[ObservableCandidate]:
     """Every observable that the channels admit, its own constants from the ``known`` samples (n,) alone."""
+    no_rest = np.empty((raw.t_s.size, 0))
     if not raw.has("x", "z"):
-        return [_as_given(raw)]
-    circle = _circle(raw, known)
-    observables = [_plane(raw), _height(raw, known), _line(raw, known), *([circle] if circle is not None else [])]
-    observables = (
-        [_with_constant_size(observable, raw, known) for observable in observables] if raw.has("r") else observables
-    )
-    return [*observables, _size(raw, known)] if raw.has("r") else observables
-
-
-def _as_given(raw: Raw) -> ObservableCandidate:
-    units = tuple(quantity.unit for quantity in raw.quantities)
-    return ObservableCandidate("as given", raw.channels, units, 1 / raw.noise, np.empty((raw.t_s.size, 0)), 0)
-
-
-def _plane(raw: Raw) -> ObservableCandidate:
-    sigma = raw.sigma("x", "z")
-    position = np.column_stack([raw.column("x"), raw.column("z")])
-    return ObservableCandidate(
-        "position", position, (raw.unit,) * 2, np.full(2, 1 / sigma), np.empty((raw.t_s.size, 0)), 0
-    )
-
-
-def _height(raw: Raw, known: Mask) -> ObservableCandidate:
-    sigma, x = raw.sigma("x", "z"), raw.column("x")
-    rest = (x - np.mean(x[known])) / sigma
-    return ObservableCandidate("height", raw.column("z")[:, None], (raw.unit,), np.array([1 / sigma]), rest[:, None], 1)
+        units = tuple(quantity.unit for quantity in raw.quantities)
+        return [ObservableCandidate("as given", raw.channels, units, 1 / raw.noise, no_rest, 0)]
+    lever, (x, z) = 1 / raw.sigma("x", "z"), raw.plane.T
+    across = lever * (x - np.mean(x[known]))
+    observables = [
+        ObservableCandidate("position", raw.plane, (raw.unit,) * 2, np.full(2, lever), no_rest, 0),
+        ObservableCandidate("height", z[:, None], (raw.unit,), np.array([lever]), across[:, None], 1),
+        _line(raw, known),
+        *([circle] if (circle := _circle(raw, known)) is not None else []),
+    ]
+    if not raw.has("r"):
+        return observables
+    return [*(_with_constant_size(observable, raw, known) for observable in observables), _size(raw, known)]
 
 
 def _line(raw: Raw, known: Mask) -> ObservableCandidate:
     """Distance along the line of least squares, forwards in time; the height on one that may be upright."""
-    sigma, position = raw.sigma("x", "z"), np.column_stack([raw.column("x"), raw.column("z")])
+    sigma, position = raw.sigma("x", "z"), raw.plane
     middle = position[known].mean(axis=0)
     along = np.linalg.svd(position[known] - middle, full_matrices=False)[2]
     distance, across = ((position - middle) @ along.T).T
@@ -141,66 +134,30 @@ def _line(raw: Raw, known: Mask) -> ObservableCandidate:
 
 def _circle(raw: Raw, known: Mask) -> ObservableCandidate | None:
     """Angle from straight down about the centre of the circle of least squares; None for a straight track."""
-    sigma, position = raw.sigma("x", "z"), np.column_stack([raw.column("x"), raw.column("z")])
-    fitted = circle_of(position[known])
-    extent = float(np.max(np.ptp(position[known], axis=0)))
-    if fitted is None or not 0 < fitted[2] < MAX_RADIUS * extent:
+    sigma, position = raw.sigma("x", "z"), raw.plane
+    x, z, radius, _ = circle_through(position[known])
+    if not 0 < radius < MAX_RADIUS * float(np.max(np.ptp(position[known], axis=0))):
         return None
-    x, z, radius = fitted
     angle = np.unwrap(np.arctan2(position[:, 0] - x, z - position[:, 1]))
     rest = (np.hypot(position[:, 0] - x, position[:, 1] - z) - radius) / sigma
-    known_here = {"pivot_x": x, "pivot_z": z, "radius": radius}
+    constants = {"pivot_x": x, "pivot_z": z, "radius": radius}
     return ObservableCandidate(
-        "angle", angle[:, None], ("rad",), np.array([radius / sigma]), rest[:, None], 3, known_here
+        "angle", angle[:, None], ("rad",), np.array([radius / sigma]), rest[:, None], 3, constants
     )
-
-
-def circle_of(position: Array) -> tuple[float, float, float] | None:
-    """Centre and radius of the circle with the least sum of squared distances to points (n, 2); None on a line.
-
-    All in the unit of the points.
-
-    Starts from the algebraic fit of Kasa (1976, IEEE Trans. Instrum. Meas. 25, 8).
-    """
-    middle, size = position.mean(axis=0), float(np.max(np.ptp(position, axis=0)))
-    if not size > 0:
-        return None
-    near = (position - middle) / size
-    matrix = np.column_stack([2 * near, np.ones(len(near))])
-    first, _, rank, _ = np.linalg.lstsq(matrix, np.sum(near**2, axis=1), rcond=1e-10)
-    square = float(first[2] + first[:2] @ first[:2])
-    if rank < 3 or square <= 0:
-        return None
-
-    def distance(circle: Array) -> Array:
-        return np.asarray(np.hypot(near[:, 0] - circle[0], near[:, 1] - circle[1]) - circle[2])
-
-    fitted = least_squares(distance, [first[0], first[1], np.sqrt(square)], x_scale="jac").x
-    x, z = middle + size * fitted[:2]
-    return float(x), float(z), float(abs(fitted[2]) * size)
 
 
 def _with_constant_size(observable: ObservableCandidate, raw: Raw, known: Mask) -> ObservableCandidate:
     radius = raw.column("r")
     rest = (radius - np.mean(radius[known])) / raw.sigma("r")
-    return ObservableCandidate(
-        observable.name,
-        observable.quantities,
-        observable.units,
-        observable.lever,
-        np.column_stack([observable.rest, rest]),
-        observable.count + 1,
-        observable.known,
-    )
+    return replace(observable, rest=np.column_stack([observable.rest, rest]), count=observable.count + 1)
 
 
 def _size(raw: Raw, known: Mask) -> ObservableCandidate:
     """The apparent radius; the position moves with it on a line through where the camera looks."""
     radius = raw.column("r")
     basis = np.column_stack([np.ones(radius.size), radius])
-    position = np.column_stack([raw.column("x"), raw.column("z")])
-    coefficients = np.linalg.lstsq(basis[known], position[known], rcond=None)[0]
-    rest = (position - basis @ coefficients) / raw.sigma("x", "z")
+    coefficients = np.linalg.lstsq(basis[known], raw.plane[known], rcond=None)[0]
+    rest = (raw.plane - basis @ coefficients) / raw.sigma("x", "z")
     lever = np.sqrt(raw.sigma("r") ** -2 + np.sum((coefficients[1] / raw.sigma("x", "z")) ** 2))
     return ObservableCandidate("apparent radius", radius[:, None], ("px",), np.array([lever]), rest, 4)
 
@@ -246,8 +203,7 @@ def suits(model: OdeModel, observable: ObservableCandidate) -> bool:
 
 
 def _upright(model: OdeModel) -> bool:
-    name = model.observed[0].name
-    return name in ("z", "h")
+    return model.observed[0].name in ("z", "h")
 
 
 def _sloping(model: OdeModel) -> bool:

@@ -51,7 +51,9 @@ def to_plane(calibration: Calibration, xy_px: Array) -> tuple[Array, Array, Arra
     """
     undistorted, by_px, by_camera = undistort_px(xy_px, calibration.camera_matrix, calibration.distortion)
     homography = calibration.homography
-    depth = (undistorted @ homography[2, :2] + homography[2, 2]) * _depth_sign(calibration)
+    centre = undistort_px(np.array([calibration.centre_px]), calibration.camera_matrix, calibration.distortion)[0]
+    depth, ahead = (points @ homography[2, :2] + homography[2, 2] for points in (undistorted, centre[0]))
+    depth = depth * np.sign(ahead)
     if np.any(depth <= 0):
         x, y = xy_px[np.argmax(depth <= 0)]
         raise CalibrationError(
@@ -61,11 +63,6 @@ def to_plane(calibration: Calibration, xy_px: Array) -> tuple[Array, Array, Arra
     slopes = homography_slopes(homography, undistorted)
     by_calibration = np.concatenate([homography_sensitivity(homography, undistorted), slopes @ by_camera], axis=2)
     return apply_homography(homography, undistorted), slopes @ by_px, by_calibration
-
-
-def _depth_sign(calibration: Calibration) -> float:
-    centre = undistort_px(np.array([calibration.centre_px]), calibration.camera_matrix, calibration.distortion)[0][0]
-    return float(np.sign(calibration.homography[2, :2] @ centre + calibration.homography[2, 2]))
 
 
 def to_pixels(calibration: Calibration, position_m: Array) -> Array:

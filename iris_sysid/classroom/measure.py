@@ -148,12 +148,8 @@ def _measured_now(root: Path, group: Group) -> tuple[bool, str]:
 def _origin(group: Group, corrected: Sequence[Track] = ()) -> dict[str, Any]:
     row = {"column": group.source.column, "group": group.source.row} if group.source.column else {}
     origin = plain_origin(origin_of(group.source.path, {**group.request.typed, **row}))
-    return {**origin, "track": [_digest(track) for track in corrected]} if corrected else origin
-
-
-def _digest(track: Track) -> str:
-    """The sha256 of the positions of a track."""
-    return hashlib.sha256(np.where(track.valid[:, None], track.xy_px, np.nan).tobytes()).hexdigest()
+    places = [np.where(track.valid[:, None], track.xy_px, np.nan).tobytes() for track in corrected]
+    return {**origin, "track": [hashlib.sha256(place).hexdigest() for place in places]} if places else origin
 
 
 def _corrected(group: Group, folder: Path) -> list[Track]:

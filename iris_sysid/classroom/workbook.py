@@ -13,7 +13,7 @@ import xlsxwriter
 
 from iris_sysid.classroom.summary import ClassResult, GroupResult
 from iris_sysid.io.files import write_atomic
-from iris_sysid.types import SPOKEN, Estimate, Population
+from iris_sysid.types import SPOKEN, Population
 
 # text stays text: a group may be called =1+1, or have an address for a name
 PLAIN = {"in_memory": True, "strings_to_formulas": False, "strings_to_urls": False, "strings_to_numbers": False}
@@ -75,7 +75,7 @@ def _row(group: GroupResult, names: Sequence[str], *, teacher: bool) -> Row:
     verdict = group.document.verdict
     return [
         group.name,
-        *(number for estimate in estimates for number in _with_interval(estimate)),
+        *(n for e in estimates for n in ((None,) * 4 if e is None else (e.value, e.stderr, *e.interval))),
         group.in_errors,
         "teacher" if teacher else "yes" if group.pooled else "no",
         group.cause,
@@ -83,11 +83,6 @@ def _row(group: GroupResult, names: Sequence[str], *, teacher: bool) -> Row:
         group.document.message,
         group.document.source,
     ]
-
-
-def _with_interval(estimate: Estimate | None) -> tuple[float | None, ...]:
-    """Value, standard error, and the ends of the 95 % interval."""
-    return (None,) * 4 if estimate is None else (estimate.value, estimate.stderr, *estimate.interval)
 
 
 def _mean_rows(result: ClassResult) -> list[Row]:

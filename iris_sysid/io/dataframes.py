@@ -150,7 +150,9 @@ def _trajectory_frame(trajectory: Trajectory) -> pd.DataFrame:
     if trajectory.segments:
         text = pd.StringDtype(na_value=np.nan)  # "str" of pandas 3; pandas 2 would spell a missing one "None"
         columns["segment"] = pd.array(segment_labels(trajectory.segments, trajectory.n), dtype=text)
-    _check_distinct(trajectory)
+    names = [quantity.name for quantity in (*trajectory.quantities, *trajectory.input_quantities)]
+    if len(set(names)) < len(names):
+        raise DataError(f"a table cannot hold two quantities of the same name: {', '.join(names)}")
     return pd.DataFrame(columns)
 
 
@@ -164,12 +166,6 @@ def _smoothed_columns(trajectory: Trajectory, smoothed: Smoothed) -> dict[str, A
         if smoothed.covariance[:, first, second].any():
             columns[header] = smoothed.covariance[:, first, second]
     return columns
-
-
-def _check_distinct(trajectory: Trajectory) -> None:
-    names = [quantity.name for quantity in (*trajectory.quantities, *trajectory.input_quantities)]
-    if len(set(names)) < len(names):
-        raise DataError(f"a table cannot hold two quantities of the same name: {', '.join(names)}")
 
 
 def segment_labels(segments: Sequence[Segment], n: int) -> list[str | None]:

@@ -14,9 +14,8 @@ from iris_sysid.report.page import Section, estimates_section, numbers, words
 from iris_sysid.report.text import shown_unit, table_names, with_error
 from iris_sysid.types import Calibration, Estimate, FitResult, Track
 
-RANDOM = "random"
+RANDOM, RANDOM_IN_WORDS = "random", "tracking noise and other random errors"
 MIN_SHARE = 0.0005  # of the variance; a smaller part is "0.0 %"
-SPELLED = {RANDOM: "tracking noise and other random errors"}
 NOTE = (
     "Standard errors in the unit of the total. The parts are independent and add in squares (GUM 5.1.2). Systematic "
     "parts are common to all samples of the clip: more samples do not reduce them."
@@ -51,17 +50,11 @@ def _rows(
     small: list[tuple[str, ...]] = []
     for source, part in sorted(parts.items(), key=lambda item: -item[1]):
         if part > 0:
-            kind = "random" if source == RANDOM else "systematic"
-            cells = (_spelled(source, known), kind, f"{factor * part:.2g}", f"{100 * part**2 / variance:.1f} %")
+            kind, said = ("random", RANDOM_IN_WORDS) if source == RANDOM else ("systematic", source)
+            said = f"{source} = {with_error(known[source])}" if source in known else said
+            cells = (said, kind, f"{factor * part:.2g}", f"{100 * part**2 / variance:.1f} %")
             (rows if part**2 >= MIN_SHARE * variance else small).append((name, *cells))
     return rows, small
-
-
-def _spelled(source: str, known: Mapping[str, Estimate]) -> str:
-    """A source in words; for a constant, with its value and error."""
-    if source in known:
-        return f"{source} = {with_error(known[source])}"
-    return SPELLED.get(source, source)
 
 
 def calibration_section(calibration: Calibration, tracks: Sequence[Track]) -> Section:

@@ -82,6 +82,7 @@ def clip_page(run: Run) -> Page:
     track = track_figure(run.video, run.tracks, trajectory, run.calibration)
     page = table_page(f"{run.source.name}: {run.phenomenon.name}", trajectory, fit)
     first, *_, checks = page.sections
+    segments = [(one.label, samples_text(one, trajectory), one.reason) for one in trajectory.segments]
     return replace(
         page,
         summary=f"{fit.model.summary}. {IN_PX}" if is_in_px(fit) else fit.model.summary,
@@ -92,7 +93,7 @@ def clip_page(run: Run) -> Page:
             *budget_sections(fit),
             *identifiability_sections(fit),
             calibration_section(run.calibration, run.tracks),
-            *_segment_sections(trajectory),
+            *([Section("Segments", words("segment", "samples", "reason"), segments)] if segments else []),
             *_geometry_sections(trajectory),
             Section(checks.title, lines=_checks(run, checks.lines)),
         ],
@@ -107,6 +108,7 @@ def clip_page(run: Run) -> Page:
 def table_page(title: str, trajectory: Trajectory, fit: FitResult) -> Page:
     """The page of a fit to a table: the motion with its fit, the numbers, what was left out."""
     statements, bars = residual_budget(trajectory, fit)
+    symbols, names = symbols_of(fit.model), main_names(fit)[:MAX_VALUES] if fit.usable else []
     checks = [
         f"{int(trajectory.valid.sum())} of {trajectory.n} samples are measured, {fit.n} are used for the fit.",
         f"Residual: {residual_text(fit)}.",
@@ -116,7 +118,7 @@ def table_page(title: str, trajectory: Trajectory, fit: FitResult) -> Page:
         title=title,
         headline=headline(fit),
         summary=fit.model.summary,
-        values=key_values(fit, main_names(fit)),
+        values=[KeyValue(name, symbols.get(name, ""), fit.estimates[name]) for name in names],
         verdict=fit.verdict,
         statements=statements,
         bars=bars,
@@ -166,13 +168,6 @@ def headline(fit: FitResult) -> str:
     return f"{value[:1].upper() if word.isalpha() and len(word) > SYMBOL_LENGTH else value[:1]}{value[1:]}{rest}"
 
 
-def key_values(fit: FitResult, names: list[str]) -> list[KeyValue]:
-    """The numbers that a person came for, the first one first; none where there is no fit."""
-    symbols = symbols_of(fit.model)
-    found = names[:MAX_VALUES] if fit.usable else []
-    return [KeyValue(name, symbols.get(name, ""), fit.estimates[name]) for name in found]
-
-
 def _warnings(run: Run) -> list[str]:
     """Notes that say that something is wrong: not what was done, nor what the verdict says already."""
     done = _remarks(run)
@@ -185,11 +180,6 @@ def _remarks(run: Run) -> list[str]:
     treated = {str(body.origin["camera_motion"]) for body in run.tracks if "camera_motion" in body.origin}
     done = {vertical_note(run.calibration), *(f"the motion of the camera is {how}" for how in treated)}
     return [note for note in run.notes if note in done]
-
-
-def _segment_sections(trajectory: Trajectory) -> list[Section]:
-    rows = [(segment.label, samples_text(segment, trajectory), segment.reason) for segment in trajectory.segments]
-    return [Section("Segments", words("segment", "samples", "reason"), rows)] if rows else []
 
 
 def _checks(run: Run, of_fit: Sequence[str]) -> list[str]:

@@ -113,8 +113,11 @@ def state_image(diagnosis: Diagnosis) -> PageImage | None:
 def state_figure(diagnosis: Diagnosis) -> Figure:
     """The residual's sign and size as colour in the phase plane, without and with the effects, on one scale."""
     fits = fits_of(diagnosis)[::-1]
-    k = _most_varied(diagnosis.base)
-    largest = float(np.nanpercentile(np.abs(diagnosis.base.residual[:, k]), 98))
+    first = diagnosis.base
+    k = int(
+        np.argmax([np.ptp(_speed(first, k)) for k in range(first.predicted.shape[1])])
+    )  # a throw's height, not its x
+    largest = float(np.nanpercentile(np.abs(first.residual[:, k]), 98))
     figure = Figure(figsize=(9, 4), layout="constrained")
     panels = figure.subplots(1, len(fits), sharex=True, sharey=True, squeeze=False)[0]
     for axes, (fit, which) in zip(panels, fits, strict=True):
@@ -126,23 +129,14 @@ def state_figure(diagnosis: Diagnosis) -> Figure:
     return figure
 
 
-def _size_of_dots(fit: FitResult) -> float:
-    """Points, drawn larger where there are few samples."""
-    return float(np.clip(60.0 / np.sqrt(max(fit.n, 1)), 2.0, 6.0))
-
-
 def _speed(fit: FitResult, k: int) -> Array:
     """Rate of change (n,) of the k-th quantity at the samples used."""
     return np.asarray(np.gradient(fit.predicted[fit.used, k], fit.t_s[fit.used]))
 
 
-def _most_varied(fit: FitResult) -> int:
-    """The quantity whose speed changes most: a throw's height, not its horizontal position."""
-    return int(np.argmax([np.ptp(_speed(fit, k)) for k in range(fit.predicted.shape[1])]))
-
-
 def _draw_state(axes: Axes, fit: FitResult, k: int, largest: float) -> PathCollection:
     some = slice(None, None, -(-fit.n // MAX_POINTS))
     position, colour = fit.predicted[fit.used, k][some], fit.residual[fit.used, k][some]
-    size, speed = _size_of_dots(fit) ** 2, _speed(fit, k)[some]
+    size = float(np.clip(3600.0 / max(fit.n, 1), 4.0, 36.0))  # larger where there are few samples
+    speed = _speed(fit, k)[some]
     return axes.scatter(position, speed, s=size, c=colour, cmap="RdBu_r", vmin=-largest, vmax=largest)

@@ -140,7 +140,7 @@ def diagnosis_page(
         How the models do on a record that was not used.
     """
     model, sentences = diagnosis.base.model, diagnosis_sentences(diagnosis)
-    name = clip_name(clips[0]) + (f" and {len(clips) - 1} more" if len(clips) > 1 else "")
+    name = str(clips[0].origin.get("source", "trajectory")) + (f" and {len(clips) - 1} more" if len(clips) > 1 else "")
     first = headline(diagnosis)
     state = state_image(diagnosis)
     plan_images, validation_images = _plan_images(planned), _validation_images(validated)
@@ -186,11 +186,6 @@ def headline(diagnosis: Diagnosis) -> str:
     return diagnosis_sentences(diagnosis)[0]
 
 
-def clip_name(clip: Trajectory) -> str:
-    """The file that a trajectory comes from."""
-    return str(clip.origin.get("source", "trajectory"))
-
-
 def _values(diagnosis: Diagnosis) -> list[KeyValue]:
     """The size of each added effect, then the values of the model with them."""
     final = diagnosis.final
@@ -206,11 +201,9 @@ def _values(diagnosis: Diagnosis) -> list[KeyValue]:
 def _film(diagnosis: Diagnosis, clip: Trajectory, footage: Filmed | None) -> Film | None:
     if footage is None:
         return None
-    models = {"before": (f"model {WITHOUT}", diagnosis.base)}
+    models = {"before": ("the model", diagnosis.base)}
     if diagnosis.added:
-        models["after"] = (f"model {WITH}", diagnosis.final)
-    else:
-        models = {"before": ("the model", diagnosis.base)}
+        models = {"before": (f"model {WITHOUT}", diagnosis.base), "after": (f"model {WITH}", diagnosis.final)}
     return film_of(footage, clip, models)
 
 

@@ -8,35 +8,33 @@ import numpy as np
 
 from iris_sysid.report.diagnosis_text import changed_parameters, size_text
 from iris_sysid.report.page import Section, fit_section, numbers, words
-from iris_sysid.report.text import (
-    as_sentence,
-    interval_text,
-    probability_text,
-    with_error,
-    with_unit,
-)
-from iris_sysid.types import Diagnosis, EffectCause, FitResult, Limit, Score, Trajectory
+from iris_sysid.report.text import as_sentence, interval_text, probability_text, with_error, with_unit
+from iris_sysid.types import Diagnosis, EffectCause, FitResult, Score, Trajectory
 
 MIN_SHARE = 0.0005  # of the residual; a smaller part is "0.0 %"
 WITHOUT, WITH = "without the added effects", "with the added effects"
+UNDETERMINED = "not identifiable"
 
 
 def diagnosis_sections(diagnosis: Diagnosis, clips: Sequence[Trajectory]) -> list[Section]:
-    """Effects, errors, fits, clips, limits and score tests; ``clips`` as they were given to the diagnosis."""
-    return [
-        *_added_section(diagnosis),
+    """Effects, errors, fits, clips, limits and score tests, none empty; ``clips`` as they were diagnosed."""
+    changed = [(name, with_error(base), with_error(final)) for name, base, final in changed_parameters(diagnosis)]
+    assuming = {WITH: f"Fit {WITH}, assuming no further missing effect", WITHOUT: f"Fit {WITHOUT}", "": "Fit"}
+    sections = [
+        _added_section(diagnosis),
         _error_section(diagnosis),
-        *_changed_section(diagnosis),
-        *_fit_sections(diagnosis),
-        *_clips_section(diagnosis, clips),
-        *_suggested_section(diagnosis),
+        Section("Parameters that change", (*words("parameter"), *numbers(WITHOUT, WITH)), changed),
+        *(fit_section(assuming[which], fit) for fit, which in fits_of(diagnosis)),
+        *([_clips_section(diagnosis, clips)] if len(clips) > 1 else []),
+        _suggested_section(diagnosis),
         _limits_section(diagnosis),
         *(_score_section(number, scores) for number, scores in enumerate(diagnosis.rounds, start=1)),
-        *_notes_section(diagnosis),
+        Section("Notes", lines=[as_sentence(note.text) for note in diagnosis.notes]),
     ]
+    return [section for section in sections if section.rows or section.more or section.lines]
 
 
-def _added_section(diagnosis: Diagnosis) -> list[Section]:
+def _added_section(diagnosis: Diagnosis) -> Section:
     """Model-averaged sizes of the added effects over all clips, and the effects indistinguishable from them."""
     rows = [
         (
@@ -53,17 +51,12 @@ def _added_section(diagnosis: Diagnosis) -> list[Section]:
     ]
     sizes = numbers("value ± standard error", "95 % interval (model-averaged)")
     columns = (*words("effect", "parameter"), *sizes, *words("this or what explains the data as well", "cause"))
-    return [Section("Missing effects", columns, rows)] if rows else []
+    return Section("Missing effects", columns, rows)
 
 
 def _shares(probabilities: Mapping[str, float] | Mapping[EffectCause, float]) -> str:
     """Names with their probabilities in percent."""
     return ", ".join(f"{name} {probability_text(probability)}" for name, probability in probabilities.items())
-
-
-def _notes_section(diagnosis: Diagnosis) -> list[Section]:
-    lines = [as_sentence(note.text) for note in diagnosis.notes]
-    return [Section("Notes", lines=lines)] if lines else []
 
 
 def fits_of(diagnosis: Diagnosis) -> list[tuple[FitResult, str]]:
@@ -73,22 +66,8 @@ def fits_of(diagnosis: Diagnosis) -> list[tuple[FitResult, str]]:
     return [(diagnosis.final, WITH), (diagnosis.base, WITHOUT)]
 
 
-def _fit_sections(diagnosis: Diagnosis) -> list[Section]:
-    assuming = {WITH: f"Fit {WITH}, assuming no further missing effect", WITHOUT: f"Fit {WITHOUT}", "": "Fit"}
-    return [fit_section(assuming[which], fit) for fit, which in fits_of(diagnosis)]
-
-
-def _changed_section(diagnosis: Diagnosis) -> list[Section]:
-    """Parameters of the model that change when the effects are added."""
-    rows = [(name, with_error(base), with_error(final)) for name, base, final in changed_parameters(diagnosis)]
-    columns = (*words("parameter"), *numbers(WITHOUT, WITH))
-    return [Section("Parameters that change", columns, rows)] if rows else []
-
-
-def _clips_section(diagnosis: Diagnosis, clips: Sequence[Trajectory]) -> list[Section]:
-    """Residual and effects of each clip, when there are several."""
-    if len(clips) < 2:
-        return []
+def _clips_section(diagnosis: Diagnosis, clips: Sequence[Trajectory]) -> Section:
+    """Residual and effects of each clip."""
     names = [effect.parameters[0].name for effect in diagnosis.added]
     rows = [
         (
@@ -98,7 +77,7 @@ def _clips_section(diagnosis: Diagnosis, clips: Sequence[Trajectory]) -> list[Se
         )
         for clip, base, final in zip(clips, diagnosis.bases, diagnosis.finals, strict=True)
     ]
-    return [Section("Clips", (*words("clip"), *numbers("residual before", "residual after", *names)), rows)]
+    return Section("Clips", (*words("clip"), *numbers("residual before", "residual after", *names)), rows)
 
 
 def _rms(fit: FitResult) -> float:
@@ -123,8 +102,8 @@ def _error_text(error: float, unit: str) -> str:
     return size_text(error, unit) if np.isfinite(error) else "no samples to spare"
 
 
-def _suggested_section(diagnosis: Diagnosis) -> list[Section]:
-    """Terms that the remaining residual suggests, when there are any."""
+def _suggested_section(diagnosis: Diagnosis) -> Section:
+    """Terms that the remaining residual suggests."""
     rows = [
         (f"{term.term} in {term.equation}", with_error(term.coefficient), f"{100 * term.inclusion:.0f} %")
         for term in diagnosis.proposed
@@ -133,12 +112,13 @@ def _suggested_section(diagnosis: Diagnosis) -> list[Section]:
         *words("term without a named effect"),
         *numbers("coefficient, to first order", "selected in resampled data"),
     )
-    return [Section("Suggested terms", columns, rows)] if rows else []
+    return Section("Suggested terms", columns, rows)
 
 
 def _limits_section(diagnosis: Diagnosis) -> Section:
-    rows = [(limit.effect, _limit_text(limit)) for limit in diagnosis.ruled_out if np.isfinite(limit.upper_95)]
-    more = [(limit.effect, _limit_text(limit)) for limit in diagnosis.ruled_out if not np.isfinite(limit.upper_95)]
+    known = [limit for limit in diagnosis.ruled_out if np.isfinite(limit.upper_95)]
+    rows = [(limit.effect, with_unit(f"{limit.upper_95:.2g}", limit.unit)) for limit in known]
+    more = [(limit.effect, UNDETERMINED) for limit in diagnosis.ruled_out if not np.isfinite(limit.upper_95)]
     columns = (*words("effect"), *numbers("largest size, at 95 %"))
     return Section("Upper limits on other effects", columns, rows, more=more)
 
@@ -154,15 +134,6 @@ def _score_section(number: int, scores: tuple[Score, ...]) -> Section:
 
 
 def _score_row(score: Score) -> tuple[str, ...]:
+    size = with_unit(f"{score.size:.3g} ± {score.stderr:.2g}", score.unit) if np.isfinite(score.size) else UNDETERMINED
     z = f"{score.z:.1f}" if np.isfinite(score.z) else ""
-    return score.effect, f"{100 * score.gain:.3g} %", _size_text(score), z
-
-
-def _size_text(score: Score) -> str:
-    if not np.isfinite(score.size):
-        return "not identifiable"
-    return with_unit(f"{score.size:.3g} ± {score.stderr:.2g}", score.unit)
-
-
-def _limit_text(limit: Limit) -> str:
-    return with_unit(f"{limit.upper_95:.2g}", limit.unit) if np.isfinite(limit.upper_95) else "not identifiable"
+    return score.effect, f"{100 * score.gain:.3g} %", size, z

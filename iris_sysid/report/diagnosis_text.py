@@ -66,26 +66,24 @@ def diagnosis_sentences(diagnosis: Diagnosis) -> list[str]:
     sentences = [
         parts_sentence(components),
         *(finding_sentence(finding, diagnosis) for finding in diagnosis.findings),
-        _others_sentence(others, diagnosis),
+        f"Added as well: {' and '.join(_effect_text(effect, diagnosis) for effect in others)}." if others else "",
         _nuisance_sentence(diagnosis.nuisances),
         _error_sentence(diagnosis),
-        parts_sentence(diagnosis.remaining, "residual that remains") if _remains(diagnosis) else "",
+        parts_sentence(diagnosis.remaining, "residual that remains") if diagnosis.added else "",
         _suggested_sentence(diagnosis),
     ]
     return list(filter(None, sentences))
 
 
-def _remains(diagnosis: Diagnosis) -> bool:
-    return bool(diagnosis.added) and diagnosis.remaining is not None
-
-
 def _unsplit_sentences(diagnosis: Diagnosis) -> list[str]:
     if diagnosis.added:
+        still = "The model is still incomplete: the residual is"
+        subject = still if diagnosis.incomplete else "The remaining residual is"
         sentences = [
             _cause_sentence(diagnosis),
             _added_sentence(diagnosis),
             _indistinguishable_sentence(diagnosis),
-            _remaining_sentence(diagnosis),
+            f"{subject} {times_text(diagnosis.residual_ratio)} the noise.",
         ]
     else:
         sentences = [
@@ -149,7 +147,7 @@ def _part_clause(part: Component, components: Components) -> str:
 
 def _instead(kinds: Sequence[ComponentKind]) -> str:
     """What else it may be; of many kinds, that they look alike on this motion."""
-    names = [with_article(KIND_NAMES[kind]) for kind in kinds]
+    names = [f"{'an' if KIND_NAMES[kind][0] in 'aeiou' else 'a'} {KIND_NAMES[kind]}" for kind in kinds]
     if len(names) <= MAX_ALTERNATIVES:
         return f", or is {' or '.join(names)}" if names else ""
     few = ", ".join(names[:MAX_ALTERNATIVES])
@@ -166,11 +164,6 @@ def _period_text(part: Component) -> str:
         return ""
     at = part.curve.at[turns]
     return f"about {2 * (at[-1] - at[0]) / (turns.size - 1):.2g} s"
-
-
-def with_article(noun: str) -> str:
-    """The noun with ``a`` or ``an``."""
-    return f"{'an' if noun[0] in 'aeiou' else 'a'} {noun}"
 
 
 def finding_sentence(finding: Finding, diagnosis: Diagnosis) -> str:
@@ -194,13 +187,6 @@ def finding_sentence(finding: Finding, diagnosis: Diagnosis) -> str:
     if len(finding.effects) == 1:
         return as_sentence(f"{spoken(finding.effects[0])} or something like it acts{reason}")
     return as_sentence(f"{_alternatives(finding.effects)} acts, and the data cannot tell them apart{reason}{best}")
-
-
-def _others_sentence(effects: Sequence[Effect], diagnosis: Diagnosis) -> str:
-    """The effects that were added without a finding that names them."""
-    if not effects:
-        return ""
-    return f"Added as well: {' and '.join(_effect_text(effect, diagnosis) for effect in effects)}."
 
 
 def _nuisance_sentence(nuisances: Sequence[Effect]) -> str:
@@ -246,11 +232,6 @@ def _indistinguishable_sentence(diagnosis: Diagnosis) -> str:
         if (names := diagnosis.indistinguishable.get(effect.name, ()))
     ]
     return as_sentence("; ".join(parts))
-
-
-def _remaining_sentence(diagnosis: Diagnosis) -> str:
-    subject = "The model is still incomplete: the residual is" if diagnosis.incomplete else "The remaining residual is"
-    return f"{subject} {times_text(diagnosis.residual_ratio)} the noise."
 
 
 def _nothing_added_sentence(diagnosis: Diagnosis) -> str:

@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Any
 
-import numpy as np
 from matplotlib.figure import Figure
 
 from fitters.ode.prediction import Prediction
@@ -133,16 +132,12 @@ def _(result: Track) -> Table:
 def _(result: Prediction) -> Table:
     quantities = result.fitted.model.observed
     head = ["time (s)", *(quantity.name for quantity in quantities)]
+    units = [quantity.unit for quantity in quantities]
     rows = [
-        [f"{t_s:g}", *(_predicted(result, k, j) for j in range(len(quantities)))]
+        [f"{t_s:g}", *map(with_error, map(Estimate, result.observed[k], result.stderr[k], units))]
         for k, t_s in enumerate(result.t_s[:MAX_ROWS])
     ]
     return head, rows
-
-
-def _predicted(result: Prediction, k: int, j: int) -> str:
-    value, stderr = float(result.observed[k, j]), float(result.stderr[k, j])
-    return with_error(Estimate(value, stderr, result.fitted.model.observed[j].unit)) if np.isfinite(value) else "-"
 
 
 @_rows.register

@@ -7,18 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from iris_sysid.types import (
-    SPOKEN,
-    Discovery,
-    Doubt,
-    Estimate,
-    FitResult,
-    Match,
-    PooledFit,
-    Segment,
-    Trajectory,
-    Verdict,
-)
+from iris_sysid.types import SPOKEN, Discovery, Estimate, FitResult, Match, PooledFit, Segment, Trajectory, Verdict
 
 DEGREES: Mapping[str, tuple[str, float]] = {"rad": ("°", 180 / math.pi), "rad/s": ("°/s", 180 / math.pi)}
 NOTEWORTHY = 0.2  # smallest inclusion at which a term that was not selected is shown
@@ -117,7 +106,8 @@ def verdict_lines(verdict: Verdict) -> list[str]:
 def number_lines(verdict: Verdict) -> list[str]:
     """Whether the numbers can be used, with their relative errors or the reasons to doubt them."""
     reasons = verdict.number_reasons if verdict.equation is not None else verdict.reasons
-    about, *more = [as_sentence(_reason_text(doubt)) for doubt in reasons] or [verdict.accuracy_text]
+    said = (". ".join(filter(None, [doubt.finding, as_sentence(doubt.remedy)])) for doubt in reasons)
+    about, *more = [*map(as_sentence, said)] or [verdict.accuracy_text]
     word = SPOKEN[verdict.word]
     return [f"{word}: {about}" if about else word, *(f"  also: {text}" for text in more)]
 
@@ -128,10 +118,6 @@ def equation_lines(verdict: Verdict) -> list[str]:
         return []
     remedies = [] if verdict.complete else [as_sentence(doubt.remedy) for doubt in verdict.equation_reasons]
     return [" ".join([f"{verdict.equation.text}{'.' if remedies else ''}", *filter(None, remedies)])]
-
-
-def _reason_text(doubt: Doubt) -> str:
-    return ". ".join(filter(None, [doubt.finding, as_sentence(doubt.remedy)]))
 
 
 # --------------------------------------------------------------------------- fits
@@ -220,7 +206,12 @@ def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
 
 def discovery_sentence(discovery: Discovery) -> str:
     """The discovered equation in words: a model of the bank with its parameters, or the nearest one."""
-    sentences = [_model_sentences(discovery)]
+    if discovery.matched is not None:
+        sentences = _matched_sentences(discovery.matched)
+    elif discovery.nearest is not None:
+        sentences = _nearest_sentences(discovery, discovery.nearest)
+    else:
+        sentences = ["Not in the bank: no model observes these quantities."]
     if discovery.alternatives:
         sentences.append(f"The data cannot distinguish it from {' or from '.join(discovery.alternatives)}.")
     if discovery.status != "ok":
@@ -228,24 +219,16 @@ def discovery_sentence(discovery: Discovery) -> str:
     return " ".join(sentences)
 
 
-def _model_sentences(discovery: Discovery) -> str:
-    if discovery.matched is not None:
-        return _matched_sentences(discovery.matched)
-    if discovery.nearest is not None:
-        return _nearest_sentences(discovery, discovery.nearest)
-    return "Not in the bank: no model observes these quantities."
-
-
-def _matched_sentences(match: Match) -> str:
+def _matched_sentences(match: Match) -> list[str]:
     sentences = [f"This is the {match.model} with {_values(match)}."]
     if match.same:
         sentences.append(f"The same equation: {', '.join(match.same)}.")
     if match.note:
         sentences.append(f"But its {match.note}.")
-    return " ".join(sentences)
+    return sentences
 
 
-def _nearest_sentences(discovery: Discovery, nearest: Match) -> str:
+def _nearest_sentences(discovery: Discovery, nearest: Match) -> list[str]:
     missing = [f"without {', '.join(nearest.missing)}"] if nearest.missing else []
     extra = [f"with {', '.join(nearest.extra)} added"] if nearest.extra else []
     sentences = [f"Not in the bank: the nearest is {nearest.model}, {' and '.join([*missing, *extra])}."]
@@ -255,7 +238,7 @@ def _nearest_sentences(discovery: Discovery, nearest: Match) -> str:
         sentences.append(f"Effects with such terms: {named}.")
     if values := _values(nearest):
         sentences.append(f"As {nearest.model} alone it has {values}, and {nearest.note}.")
-    return " ".join(sentences)
+    return sentences
 
 
 def _values(match: Match) -> str:

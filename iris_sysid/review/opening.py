@@ -59,7 +59,9 @@ def open_result(folder: Path, clip: Path | None = None, calibration: Calibration
     header = logged.header
     found = clip or _found(folder, str(header.get("clip", "")))
     _check_stamp(found, header, logged.entries, folder)
-    request = request_of(header.get("request") or {}, calibration or _calibration_of(folder, header))
+    if calibration is None and header.get("calibration"):
+        calibration = read_calibration(folder / CALIBRATION)
+    request = request_of(header.get("request") or {}, calibration)
     session = Session(found, folder, ReviewState(request))
     try:
         for number, entry in enumerate(logged.entries, start=2):
@@ -122,10 +124,6 @@ def _plain(request: ReviewRequest) -> dict[str, Any]:
         times = {"fps": clip.fps, "start_s": clip.start_s, "stop_s": clip.stop_s, "keep_partial": clip.keep_partial}
         return {**times, "roi": tracking.roi, "colour": tracking.colour, "bodies": tracking.bodies}
     return {**request.recorded(), "scale": None}
-
-
-def _calibration_of(folder: Path, header: Mapping[str, Any]) -> Calibration | None:
-    return read_calibration(folder / CALIBRATION) if header.get("calibration") else None
 
 
 def _found(folder: Path, recorded: str) -> Path:

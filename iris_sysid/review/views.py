@@ -66,7 +66,7 @@ def tracking_view(session: Session) -> dict[str, Any]:
 
 def fit_view(session: Session, outcome: FitOutcome) -> dict[str, Any]:
     """The fit of a version beside the fit before it, its curves, and the questions about the tracks."""
-    run, state = outcome.run, session.state
+    run, state, before = outcome.run, session.state, session.fits.before
     fit, trajectory = (None, None) if run is None else (run.fit, run.trajectory)
     questions = questions_of(
         state.tracks, fit, trajectory, state.confirmed, (session.video.width, session.video.height)
@@ -79,8 +79,8 @@ def fit_view(session: Session, outcome: FitOutcome) -> dict[str, Any]:
         "verdict": [] if fit is None else _verdict_text(fit),
         "word": "" if fit is None else fit.verdict.word,
         "equation": "" if fit is None else fit.model.equation,
-        "values": [] if fit is None else _values(fit, session.fits.before, session.fits.opened),
-        "verdict_before": _verdict_of(session.fits.before),
+        "values": [] if fit is None else _values(fit, before, session.fits.opened),
+        "verdict_before": [] if before is None or before.run is None else _verdict_text(before.run.fit),
         "curves": [] if run is None else _curves(run),
         "segments": [] if run is None else _segments(run),
         "questions": [
@@ -176,10 +176,6 @@ def _texts(outcome: FitOutcome | None) -> dict[str, str]:
     if outcome is None or outcome.run is None:
         return {}
     return {name: typeset(with_error(estimate)) for name, estimate in shown_estimates(outcome.run.fit).items()}
-
-
-def _verdict_of(outcome: FitOutcome | None) -> list[str]:
-    return [] if outcome is None or outcome.run is None else _verdict_text(outcome.run.fit)
 
 
 def _verdict_text(fit: FitResult) -> list[str]:

@@ -100,7 +100,8 @@ class Picture:
         repeats = len(polygons) // t_s.size
         weights = np.tile(weights, repeats) / repeats
         self.full.add(np.ascontiguousarray(polygons), weights)
-        self.changed.append(_box(self.full))
+        (top, bottom), (left, right) = self.full.rows, self.full.columns()
+        self.changed.append((left, top, right, bottom))
         luma, blue, red = ycbcr(layer.colour)
         brightness = self._light_at(polygons) if lit_up else 1.0
         blend(planes.luma, self.full, luma * brightness, 1.0, self._shading(layer, t_s))
@@ -121,12 +122,6 @@ class Picture:
         along_x, along_z = layer.shading.along
         inverse = 1 / (layer.shading.radius(t_s) * self.camera.pixels_per_metre)
         return np.array([x, y, inverse, along_x, -along_z, layer.shading.limb])
-
-
-def _box(canvas: Canvas) -> tuple[int, int, int, int]:
-    top, bottom = canvas.rows
-    left, right = canvas.columns()
-    return left, top, right, bottom
 
 
 def _copy(planes: Planes, source: Planes, left: int, top: int, right: int, bottom: int) -> None:

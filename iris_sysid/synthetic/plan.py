@@ -172,10 +172,6 @@ def _chosen(choices: Mapping[str, Choice], name: str, complaint: str) -> Choice:
     return choices[name]
 
 
-def _is_side(pixels: object) -> bool:
-    return isinstance(pixels, int) and MIN_SIDE_PX <= pixels <= MAX_SIDE_PX and pixels % 2 == 0
-
-
 def check_clip(size: tuple[int, int], fps: float, duration_s: float, seed: int) -> None:
     """Raise DataError, saying what is allowed, when these numbers make no clip.
 
@@ -192,7 +188,8 @@ def check_clip(size: tuple[int, int], fps: float, duration_s: float, seed: int) 
     """
     if not isinstance(seed, int) or seed < 0:
         raise DataError(f"seed must be a whole number of at least 0, not {seed!r}")
-    if len(size) != 2 or not all(_is_side(side) for side in size):
+    sides = [side for side in size if isinstance(side, int) and MIN_SIDE_PX <= side <= MAX_SIDE_PX and side % 2 == 0]
+    if not len(size) == len(sides) == 2:
         raise DataError(f"size must be two even numbers from {MIN_SIDE_PX} to {MAX_SIDE_PX}, not {size}")
     if not (isinstance(fps, int | float) and 0.1 <= fps <= 1000):
         raise DataError(f"fps must lie between 0.1 and 1000, not {fps!r}")

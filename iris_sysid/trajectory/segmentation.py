@@ -199,7 +199,9 @@ def _labelled(
     body: BodyMotion,
 ) -> list[Segment]:
     """Segments in time order: hand, rest and motion; before the motion the remainder is release, after it contact."""
-    segments = [_hand_segment(world, start, stop) for start, stop in runs(held)]
+    reached = "something that reaches in from the edge of the image touches it from {:.3g} to {:.3g} s"
+    held_at = [(start, stop, reached.format(world.t_s[start], world.t_s[stop - 1])) for start, stop in runs(held)]
+    segments = [Segment("hand", *one) for one in held_at]
     segments += [Segment("rest", rest.start, rest.stop, rest.begin) for rest in resting]
     segments.append(Segment("motion", motion.start, motion.stop, _motion_reason(world, motion, body)))
     segments.sort(key=lambda segment: segment.start)
@@ -211,11 +213,6 @@ def _labelled(
     for start, stop in zip(starts, stops, strict=True):
         remainder += _remainder(start, min(stop, last), motion, impacts)
     return sorted(segments + remainder, key=lambda segment: segment.start)
-
-
-def _hand_segment(world: Trajectory, start: int, stop: int) -> Segment:
-    until = f"from {world.t_s[start]:.3g} to {world.t_s[stop - 1]:.3g} s"
-    return Segment("hand", start, stop, f"something that reaches in from the edge of the image touches it {until}")
 
 
 def _left_out(world: Trajectory, body: BodyMotion) -> Mask:

@@ -13,7 +13,7 @@ Where an impact or a release breaks the motion the filter stops and starts again
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -348,7 +348,8 @@ def _filterpy(scaled: list[_Scaled], valid: Mask, third: int) -> tuple[Array, Ar
     transitions = _block_diagonal([transition(dt) for dt in steps])
     noises = _block_diagonal([process_noise(dt, part.psd) for dt, part in zip(steps, scaled, strict=True)])
     variances = _block_diagonal([part.variance[third:, None, None] for part in scaled])
-    measured = list(_measurements(scaled, valid, third))
+    values = np.stack([part.z[third:] for part in scaled], axis=1)
+    measured = [value if seen else None for value, seen in zip(values, valid[third:], strict=True)]
     first_x, first_p = kalman.x.copy(), kalman.P.copy()
     later = slice(1, None)
     means, covariances, _, _ = kalman.batch_filter(
@@ -357,11 +358,6 @@ def _filterpy(scaled: list[_Scaled], valid: Mask, third: int) -> tuple[Array, Ar
     means, covariances = np.concatenate([[first_x], means]), np.concatenate([[first_p], covariances])
     state, covariance, _, _ = kalman.rts_smoother(means, covariances, Fs=transitions, Qs=noises)
     return state, covariance
-
-
-def _measurements(scaled: list[_Scaled], valid: Mask, third: int) -> Iterator[Array | None]:
-    values = np.stack([part.z[third:] for part in scaled], axis=1)
-    return (value if seen else None for value, seen in zip(values, valid[third:], strict=True))
 
 
 def _block_diagonal(blocks: list[Array]) -> Array:

@@ -183,11 +183,8 @@ class View:
         if not 0 < extent < MAX_PX:  # one point, or a solution that diverges
             middle, extent = np.zeros(2), 1.0
         height = extent / FILLED
-        return self._with_picture((WIDTH_OVER_HEIGHT * height, height), (float(middle[0]), float(middle[1])))
-
-    def _with_picture(self, size_px: Pair, axis_px: Pair) -> View:
-        lies = self.kind, self.origin_px, self.right_px, self.up_px
-        return View(*lies, size_px, axis_px, FOCAL_PER_WIDTH * size_px[0], self.pivot, self.measured)
+        size_px, axis_px = (WIDTH_OVER_HEIGHT * height, height), (float(middle[0]), float(middle[1]))
+        return replace(self, size_px=size_px, axis_px=axis_px, focal_px=FOCAL_PER_WIDTH * size_px[0])
 
 
 def kind_of(quantities: Sequence[Quantity]) -> ViewKind | None:

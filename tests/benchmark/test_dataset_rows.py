@@ -29,7 +29,7 @@ def folder(tmp_path_factory):
     root = tmp_path_factory.mktemp("data") / "tiny"
     for clip in (1, 2):
         path = root / "Pendulum/pendulum_45" / f"{clip:02d}.mp4"
-        render_clip("pendulum", path, size=(160, 90), fps=60.0, duration_s=3.5, seed=clip, setting="pendulum_45")
+        render_clip("pendulum", path, size=(160, 90), fps=30.0, duration_s=6.0, seed=clip, setting="pendulum_45")
     (root / "Pendulum/pendulum_45/03.mp4").write_text("no video")
     (root / "Wave/high").mkdir(parents=True)
     return root

@@ -1,4 +1,7 @@
-"""A class of rendered clips: five planted faults are named and no other."""
+"""A class of rendered clips: five planted faults are named and no other.
+
+That others of a class are rarely named is what test_outliers.py tests, over hundreds of classes.
+"""
 
 import pytest
 
@@ -7,7 +10,7 @@ from iris_sysid.io.json_documents import read_document
 from iris_sysid.io.schemas import GroupDocument
 from tests.classroom._rendered import FAULTS, render_class
 
-CLIPS = 30
+CLIPS = 18
 SAID = {
     "group-03": "wrong scale: all its lengths are 1.6",
     "group-05": "no value: the body falls straight down: this is no pendulum",
@@ -18,7 +21,7 @@ SAID = {
 
 
 @pytest.mark.slow
-def test_five_planted_faults_among_thirty_clips_are_named_and_no_other(tmp_path, cli):
+def test_five_planted_faults_among_eighteen_clips_are_named_and_no_other(tmp_path, cli):
     render_class(tmp_path / "clips", CLIPS)
     known = ("--phenomenon", "pendulum", "--known", "length=0.5")
     arguments = ("class", tmp_path / "clips", *known, "-o", tmp_path / "out")
@@ -34,4 +37,4 @@ def test_five_planted_faults_among_thirty_clips_are_named_and_no_other(tmp_path,
     document = read_document(tmp_path / "out" / "groups" / "group-01" / "group.json", GroupDocument)
     assert document.usable
     assert read_trajectory(tmp_path / "out" / "groups" / "group-01" / "trajectory.csv").n > 100
-    assert "30 groups, 0 measured now" in cli(*arguments).err
+    assert f"{CLIPS} groups, 0 measured now" in cli(*arguments).err

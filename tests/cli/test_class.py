@@ -17,11 +17,19 @@ def folder(tmp_path_factory):
     return folder
 
 
+@pytest.fixture(scope="module")
+def first():
+    """What the command did first, kept for all tests."""
+    return []
+
+
 @pytest.fixture
-def done(cli, folder):
-    outcome = cli("class", folder / "clips", "--phenomenon", "pendulum", "--known", "length=50cm", "-o", folder / "out")
-    assert outcome.status == 0, outcome.err
-    return outcome
+def done(cli, folder, first):
+    if not first:
+        known = ("--phenomenon", "pendulum", "--known", "length=50cm")
+        first.append(cli("class", folder / "clips", *known, "-o", folder / "out"))
+        assert first[0].status == 0, first[0].err
+    return first[0]
 
 
 def test_groups_with_a_fault_are_printed_with_the_cause(done):

@@ -12,7 +12,7 @@ from tests.fuzz.corpus import corpus_of
 from tests.fuzz.engines import mutated, unguided_modules
 from tests.fuzz.targets import FUZZ_TARGETS
 
-SECONDS = float(os.environ.get("IRIS_FUZZ_SECONDS", "30"))  # of all targets together
+SECONDS = float(os.environ.get("IRIS_FUZZ_SECONDS", "15"))  # of all targets together
 
 
 @pytest.mark.parametrize("name", FUZZ_TARGETS)

@@ -115,7 +115,7 @@ def test_prediction_is_drawn_in_the_order_of_time_beside_the_data():
     }
     html = to_html(PREDICTION)
     assert re.search(rf"<td>{T_S[-1] + 1.0:g}</td><td>[^<]* ± [^<]* °</td>", html)
-    assert f"<td>{T_S[0] - 1.0:g}</td><td>-</td>" in html  # before the fitted motion nothing is predicted
+    assert f"<td>{T_S[0] - 1.0:g}</td><td>undetermined</td>" in html  # before the fitted motion nothing is predicted
 
 
 def test_plan_shows_what_is_in_question_and_what_to_do():

@@ -6,6 +6,7 @@ from scipy.integrate import solve_ivp
 
 from iris_sysid import MODELS, PHENOMENA, DataError, Estimate, Track, Trajectory, fit, scale, uncalibrated
 from iris_sysid.pipeline.one_clip import observe_and_fit
+from iris_sysid.trajectory.circle import circle_through
 from iris_sysid.trajectory.consistency.angle_unit import short_pendulum_doubt, with_degrees_doubt
 from iris_sysid.trajectory.consistency.gravity_scale import circle_radius
 from iris_sysid.trajectory.consistency.path_shape import reversals
@@ -122,6 +123,16 @@ def test_swing_taken_for_a_flight_is_doubtful_and_names_the_pendulum(phenomenon)
 def test_other_motion_taken_for_a_swing_is_refused_with_the_one_that_fits(path, name):
     with pytest.raises(DataError, match=f"this is no pendulum; try --phenomenon {name}"):
         result(path, "pendulum")
+
+
+def test_circle_of_least_squares_finds_centre_and_radius_of_a_short_arc():
+    angle = np.linspace(-0.3, 0.3, 200)
+    noise = 1e-4 * np.random.default_rng(1).standard_normal((200, 2))
+    circle = circle_through(np.column_stack([2 + 0.5 * np.sin(angle), 1 - 0.5 * np.cos(angle)]) + noise)
+    assert circle[:3] == pytest.approx((2, 1, 0.5), abs=2e-3)
+    assert abs(circle.radius - 0.5) < 4 * circle.stderr < 4e-3
+    assert circle_through(np.column_stack([angle, 2 * angle])).radius == np.inf
+    assert circle_through(np.ones((20, 2))).radius == np.inf
 
 
 def test_radius_of_an_arc_has_an_error_that_grows_as_the_arc_gets_short():

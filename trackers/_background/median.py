@@ -92,8 +92,12 @@ def estimate_again(stack: Bytes, known: BackgroundEstimate, before: Flags | None
 def _near(centre: Image, cut: Image, stack: Bytes, usable: Flags | None) -> tuple[Image, Image]:
     """Mean and variance of the samples within ``cut`` of the centre."""
     rows, channels = (len(stack), stack.shape[1], -1), 1 if stack.ndim == 3 else stack.shape[3]
-    samples, about, farthest = stack.reshape(rows), centre.reshape(rows[1:]), cut.reshape(rows[1:])
-    every = np.ones((1, 1, 1), dtype=np.bool_) if usable is None else usable
+    samples, about, farthest = (
+        np.ascontiguousarray(stack).reshape(rows),
+        centre.reshape(rows[1:]),
+        cut.reshape(rows[1:]),
+    )
+    every = np.ones((1, 1, 1), dtype=np.bool_) if usable is None else np.ascontiguousarray(usable)
     mean, variance = inlier_moments(samples, about, farthest, every, channels)
     return mean.reshape(centre.shape), variance.reshape(centre.shape)
 

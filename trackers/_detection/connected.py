@@ -38,19 +38,22 @@ def parts_with(mask: Bytes, seeds: Bytes) -> tuple[Labels, Labels]:
     number, boxes = np.zeros(len(runs), dtype=np.int32), np.zeros((len(runs), 5), dtype=np.int32)
     count = 0
     for k in range(len(runs)):
-        row, box = runs[k], boxes[part[k]]
+        box, y, first, stop = boxes[part[k]], runs[k, ROW], runs[k, FIRST], runs[k, STOP]
         if part[k] == k:
-            box[0], box[1] = row[FIRST], row[ROW]
-        box[0], box[2], box[3] = min(box[0], row[FIRST]), max(box[2], row[STOP]), row[ROW] + 1
-        box[4] += np.count_nonzero(seeds[row[ROW], row[FIRST] : row[STOP]])
+            box[0], box[1] = first, y
+        box[0], box[2], box[3] = min(box[0], first), max(box[2], stop), y + 1
+        for x in range(first, stop):
+            box[4] += seeds[y, x] != 0
         if box[4] and not number[part[k]]:
             count += 1
             number[part[k]] = count
     labels, chosen = np.zeros(mask.shape, dtype=np.int32), np.empty((count, 5), dtype=np.int32)
     for k in range(len(runs)):
         if number[part[k]]:
-            labels[runs[k, ROW], runs[k, FIRST] : runs[k, STOP]] = number[part[k]]
-            chosen[number[part[k]] - 1] = boxes[part[k]]
+            for x in range(runs[k, FIRST], runs[k, STOP]):
+                labels[runs[k, ROW], x] = number[part[k]]
+            for x in range(5):
+                chosen[number[part[k]] - 1, x] = boxes[part[k], x]
     return labels, chosen
 
 
@@ -108,15 +111,17 @@ def filled_about(mask: Bytes, seed: Bytes) -> Bytes:
     runs, part = _joined(mask, 0)
     kept = np.zeros(len(runs), dtype=np.bool_)
     for k in range(len(runs)):
-        if not kept[part[k]]:
-            kept[part[k]] = seed[runs[k, ROW], runs[k, FIRST] : runs[k, STOP]].any()
+        for x in range(runs[k, FIRST], runs[k, STOP]):
+            kept[part[k]] |= seed[runs[k, ROW], x] != 0
     free = np.ones((height + 2, width + 2), dtype=np.uint8)  # another px on every side, all connected
     for k in range(len(runs)):
         if kept[part[k]]:
-            free[runs[k, ROW] + 1, runs[k, FIRST] + 1 : runs[k, STOP] + 1] = 0
+            for x in range(runs[k, FIRST], runs[k, STOP]):
+                free[runs[k, ROW] + 1, x + 1] = 0
     filled = np.ones((height, width), dtype=np.uint8)
     runs, part = _joined(free, 0)
     for k in range(len(runs)):
         if not part[k] and 0 < runs[k, ROW] <= height:
-            filled[runs[k, ROW] - 1, max(0, runs[k, FIRST] - 1) : max(0, runs[k, STOP] - 1)] = 0
+            for x in range(max(0, runs[k, FIRST] - 1), min(width, runs[k, STOP] - 1)):
+                filled[runs[k, ROW] - 1, x] = 0
     return filled

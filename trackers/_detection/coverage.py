@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from trackers._detection.coverage_kernels import MIN_WEIGHT, Planes, beyond_shade, own_brightness, shares
+from trackers._detection.coverage_kernels import MIN_WEIGHT, Planes, own_brightness, shares
 from trackers._detection.depth import depth_of
 from trackers._detection.image_operations import blurred, dilated
 from trackers._detection.outline import outline
@@ -91,8 +91,8 @@ def _share(planes: Planes, mask: Bytes, near: Flags, depth: Image, blur: float) 
     residual is replaced by its mean over the near pixels.
     """
     weight = np.clip(depth, 0, 1)
-    shade = shading(planes[0], depth, near)
-    soft = np.array([blurred(each, blur) for each in (*beyond_shade(planes[0], shade, weight), weight)])
+    shade = shading(planes[0], depth)
+    soft = np.array([blurred(each, blur) for each in (*(planes[0] - shade) * weight, weight)])
     own, strength, missed = own_brightness(planes, shade, soft, weight, near)
     strength += blurred(missed, blur) / np.maximum(soft[-1], MIN_WEIGHT)
     share, variance = shares(planes, own, strength, mask, near)

@@ -22,24 +22,12 @@ MIN_WEIGHT = np.float32(1e-6)  # of a blur far from all that it is a mean of
 
 
 @kernel(nogil=True)
-def beyond_shade(image: Image, shade: Image, weight: Image) -> Image:
-    """What a body's shading leaves of an image (channels, h, w), times the weight, 0 to 1, of each pixel (h, w)."""
-    left = np.zeros(image.shape, dtype=np.float32)
-    for c in range(image.shape[0]):
-        for y in range(image.shape[1]):
-            for x in range(image.shape[2]):
-                if weight[y, x] > 0:
-                    left[c, y, x] = (image[c, y, x] - shade[c, y, x]) * weight[y, x]
-    return left
-
-
-@kernel(nogil=True)
 def own_brightness(planes: Planes, shade: Image, soft: Image, weight: Image, near: Flags) -> tuple[Image, Image, Image]:
     """The body's own brightness, continued outwards, its strength (h, w), and what it misses of the strength seen.
 
     The strength is how far the channels are off the background, in units of the noise. ``soft`` (channels + 1, h, w) is
-    :func:`beyond_shade` and the ``weight``, blurred; their ratio is added to the ``shade``. What is neither inside nor
-    ``near`` (h, w) is left out: 0.
+    what the ``shade`` leaves of the image, times the ``weight``, and that, blurred; their ratio is added to the shade.
+    What is neither inside nor ``near`` (h, w) is left out: 0.
     """
     image, background, noise = planes
     channels, height, width = image.shape

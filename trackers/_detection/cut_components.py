@@ -97,16 +97,18 @@ def _owned(
             x += 1
         number, row = wholes[top, x], table[k]
         row[SEED], row[SEED + 1], row[WHOLE + 4] = x, top, thickest[number]
-        row[WHOLE : WHOLE + 4] = boxes[number - 1, :4]
-        for y in range(top, bottom):
-            for x in range(left, right):
-                if seeds[y, x] == k + 1:
-                    row[INSCRIBED] = max(row[INSCRIBED], depth[y, x])
+        for side in range(4):
+            row[WHOLE + side] = boxes[number - 1, side]
         cut = BLOB_SHARE * thickest[number] if thickest[number] >= MIN_INSCRIBED else 0.0
         reach = int(cut) + 2
         top, left = max(0, top - reach), max(0, left - reach)
         bottom, right = min(wholes.shape[0], bottom + reach), min(wholes.shape[1], right + reach)
-        away = exact_depth((seeds[top:bottom, left:right] != k + 1).astype(np.uint8), False)
+        free = np.ones((bottom - top, right - left), dtype=np.uint8)
+        for y in range(top, bottom):
+            for x in range(left, right):
+                if seeds[y, x] == k + 1:
+                    row[INSCRIBED], free[y - top, x - left] = max(row[INSCRIBED], depth[y, x]), 0
+        away = exact_depth(free, False)
         for y in range(top, bottom):
             for x in range(left, right):
                 off = away[y - top, x - left]

@@ -3,8 +3,6 @@
 # mypy: disallow-untyped-decorators=False
 from __future__ import annotations
 
-import math
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +22,7 @@ TAIL = 0.03  # mean coverage, or fall of it, at which the outline has ended
 STEPS_APART = 6  # quarters of a px over which the coverage falls, or no longer does
 MIN_HALF_WIDTH = 0.75  # px, half the width of the sharpest outline: half a pixel's diagonal
 QUARTER = 0.25  # px from one ring about the outline to the next
-RING_QUARTERS = 3  # of a px, width of a ring
+RING_LISTS = 5  # of pixels in a ring: three quarters of a px wide, and two places between them
 HALF = 0.5  # coverage on the outline
 # largest half widths, and px, from the outline: the half width is computed only for nearer pixels
 FAR_WIDTHS, FAR = 1.5, 4.0
@@ -80,131 +78,81 @@ def _without_cords(mask: Bytes) -> tuple[Bytes, Image]:
     return stout, rough_depth(stout, outside=False)
 
 
-@kernel(nogil=True)
 def _half_width(share: Image, distance: Image, axes: int) -> Image:
     """Half the width (h, w) of the outline, px; see :func:`outline`."""
-    height, width = share.shape
-    thickness = distance.max()
+    thickness = float(distance.max())
+    widest = max(1.0, MAX_HALF_WIDTH * thickness)
+    outside = (distance < -MIN_HALF_WIDTH) & (distance > -widest - FARTHER)
     if axes == 1 or thickness < MIN_STREAK_DEPTH:
-        away, beside, _ = _outside(share, distance, 1, (0.0, 0.0))
-        alike = _reach(away, beside, max(1.0, MAX_HALF_WIDTH * thickness), True)
-        return np.full((height, width), alike, dtype=np.float32)
-    middle = _middle(distance)
-    away, beside, axis = _outside(share, distance, axes, middle)
-    reaches = np.empty(axes + 1)
-    for k in range(axes):
-        of_axis = axis % axes == k
-        reaches[k] = _reach(away[of_axis], beside[of_axis], max(1.0, MAX_HALF_WIDTH * thickness), False)
-    reaches[axes] = reaches[0]
-    widest = reaches.max()
-    half_width = np.full((height, width), widest, dtype=np.float32)
-    for row in range(height):
-        for column in range(width):
-            if abs(distance[row, column]) < FAR_WIDTHS * widest + FAR:
-                turn = _turn(row, column, middle, axes)
-                first = min(int(turn), axes - 1)
-                half_width[row, column] = reaches[first] + (turn - first) * (reaches[first + 1] - reaches[first])
-    return half_width
+        (alike,) = _reaches(distance[outside], share[outside], np.zeros(1, np.int64), widest)
+        return np.full(share.shape, alike, dtype=np.float32)
+    inside = cv2.moments(as_bytes(distance > 0), binaryImage=True)
+    x = np.arange(share.shape[1]) - inside["m10"] / inside["m00"]
+    y = np.arange(share.shape[0]) - inside["m01"] / inside["m00"]
+    turn = np.arctan2(y[:, np.newaxis], x) * (axes / np.pi)  # direction from the middle, over half a turn
+    turn += axes * (turn < 0)
+    axis = np.rint(turn[outside]).astype(np.int64)
+    axis[axis == axes] = 0
+    reaches = _reaches(distance[outside], share[outside], axis, widest, axes)
+    half_width = np.interp(turn, np.arange(axes + 1), [*reaches, reaches[0]])
+    half_width[np.abs(distance) >= FAR_WIDTHS * max(reaches) + FAR] = max(reaches)
+    return half_width.astype(np.float32)
 
 
-@kernel(nogil=True)
-def _middle(distance: Image) -> tuple[float, float]:
-    """Mean column and row of the pixels inside of the outline."""
-    count = across = down = 0
-    for row in range(distance.shape[0]):
-        for column in range(distance.shape[1]):
-            if distance[row, column] > 0:
-                count, across, down = count + 1, across + column, down + row
-    return across / count, down / count
-
-
-@kernel(nogil=True)
-def _turn(row: int, column: int, middle: tuple[float, float], axes: int) -> float:
-    """Direction in which a pixel is seen from a place, from 0 to ``axes`` over half a turn."""
-    turn = math.atan2(row - middle[1], column - middle[0]) / math.pi * axes
-    return turn - axes * math.floor(turn / axes)
-
-
-@kernel(nogil=True)
-def _outside(
-    share: Image, distance: Image, axes: int, middle: tuple[float, float]
-) -> tuple[Image, Image, NDArray[np.int64]]:
-    """How far pixels (n,) just outside of an outline are off it, px, their coverage, and in which direction they are.
-
-    With one of the ``axes`` it is 0; else that nearest to the direction from the ``middle``.
-    """
-    farthest = max(1.0, MAX_HALF_WIDTH * distance.max()) + FARTHER
-    away = np.empty(share.size, dtype=np.float32)
-    beside = np.empty(share.size, dtype=np.float32)
-    axis, count = np.zeros(share.size, dtype=np.int64), 0
-    for row in range(share.shape[0]):
-        for column in range(share.shape[1]):
-            if -farthest < distance[row, column] < -MIN_HALF_WIDTH:
-                away[count], beside[count] = -distance[row, column], share[row, column]
-                if axes > 1:
-                    axis[count] = int(np.rint(_turn(row, column, middle, axes)))
-                count += 1
-    return away[:count], beside[:count], axis[:count]
-
-
-@kernel(nogil=True)
-def _reach(away: Image, beside: Image, widest: float, trimmed: bool) -> float:
-    """The distance, px, outside of an outline at which the mean coverage falls no more.
+def _reaches(
+    distance: Image, beside: Image, axis: NDArray[np.int64], widest: float, axes: int | None = None
+) -> list[float]:
+    """The distance, px, outside of an outline at which the mean coverage falls no more, by the axis.
 
     Parameters
     ----------
-    away, beside
-        Distance (n,) of pixels outside of the outline, px, and their coverage.
+    distance, beside, axis
+        Signed distance (n,) of pixels outside of the outline, px, their coverage, and the number of their axis.
     widest
         Largest distance, px.
-    trimmed
-        Whether the mean is that without the largest and the smallest tenth; else it is the median.
+    axes
+        Number of axes, whose medians count; None for the mean of all without the largest and the smallest tenth.
     """
-    levels, count = np.empty(int((widest + 1.0) / QUARTER) + 4), 0
-    order, starts = _by_quarters(away, levels.size + RING_QUARTERS)
-    ring = np.empty(away.size + 1, dtype=np.float32)
-    half_width = MIN_HALF_WIDTH
-    while half_width < widest + 1.0:
-        size = 0
-        for k in order[starts[count] : starts[count + RING_QUARTERS]]:
-            ring[size] = beside[k]
-            size += away[k] > half_width
-        level = _level_of(np.sort(ring[:size]), trimmed)
-        levels[count] = level
-        if level < TAIL:
-            return min(half_width, widest)
-        if count >= STEPS_APART and levels[count - STEPS_APART] - level < TAIL:
-            return half_width - STEPS_APART / 4
-        count += 1
-        half_width = MIN_HALF_WIDTH + QUARTER * count
-    return widest
+    half_widths = np.arange(MIN_HALF_WIDTH, widest + 1.0, QUARTER)
+    places = 2 * half_widths.size + RING_LISTS  # quarters of a px, and the lines between them, where no ring ends
+    quarters = (distance + MIN_HALF_WIDTH) / -QUARTER
+    place = np.minimum(np.floor(quarters) + np.ceil(quarters), places - 1) + places * axis
+    place = place.astype(np.uint16)  # which is sorted by its digits
+    order = np.lexsort((beside, place))
+    starts, listed = np.searchsorted(place[order], np.arange((axes or 1) * places)), beside[order]
+    ended = [_ended(listed, part, half_widths.size, axes is None) for part in starts.reshape(-1, places)]
+    return [min(float(half_widths[number]), widest) if number < half_widths.size else widest for number in ended]
 
 
 @kernel(nogil=True)
-def _by_quarters(away: Image, count: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Numbers of the pixels by how many quarters of a px they are off, and where each quarter begins among them.
+def _ended(beside: Image, starts: NDArray[np.int64], rings: int, trimmed: bool) -> int:
+    """Number of the ring at which the outline has ended; the number of ``rings`` where it has not.
 
-    ``away`` (n,), px, is above ``MIN_HALF_WIDTH``, where the first of ``count`` quarters begins.
+    ``starts`` are where the places begin in ``beside`` (n,); see :func:`_reaches`.
     """
-    quarter, starts = np.empty(away.size, dtype=np.int64), np.zeros(count + 1, dtype=np.int64)
-    for k in range(away.size):
-        quarter[k] = min(int((away[k] - MIN_HALF_WIDTH) / QUARTER), count - 1)
-        starts[quarter[k] + 1] += 1
-    for k in range(count):
-        starts[k + 1] += starts[k]
-    order, free = np.empty(away.size, dtype=np.int64), starts[:-1].copy()
-    for k in range(away.size):
-        order[free[quarter[k]]] = k
-        free[quarter[k]] += 1
-    return order, starts
+    heads, levels = starts.copy(), np.empty(rings)
+    for count in range(rings):
+        levels[count] = _level(beside, starts, heads, 2 * count + 1, trimmed)
+        if levels[count] < TAIL:
+            return count
+        if count >= STEPS_APART and levels[count - STEPS_APART] - levels[count] < TAIL:
+            return count - STEPS_APART
+    return rings
 
 
 @kernel(nogil=True)
-def _level_of(ring: Image, trimmed: bool) -> float:
-    """Mean without the largest and smallest tenth, or median, of values in order; 0 of none."""
-    if not ring.size:
-        return 0.0
-    if trimmed:
-        cut = ring.size // 10
-        return ring[cut : ring.size - cut].mean()
-    return (ring[(ring.size - 1) // 2] + ring[ring.size // 2]) / 2
+def _level(beside: Image, starts: NDArray[np.int64], heads: NDArray[np.int64], first: int, trimmed: bool) -> float:
+    """Mean without the largest and smallest tenth, or median, of the lists of a ring, each in order; 0 of none."""
+    size, level, stop = starts[first + RING_LISTS] - starts[first], 0.0, first + RING_LISTS
+    cut = size // 10 if trimmed else max(0, size - 1) // 2
+    for part in range(first, stop):
+        heads[part] = starts[part]
+    for k in range(size - cut):
+        least, of = np.inf, first
+        for part in range(first, stop):
+            if heads[part] < starts[part + 1] and beside[heads[part]] < least:
+                least, of = beside[heads[part]], part
+        heads[of] += 1
+        if k >= cut:
+            level += least / (size - 2 * cut)
+    return level

@@ -93,8 +93,7 @@ def _moments(window: Window, share: Array, variance: Array) -> Centre:
     area = max(float(share.sum()), 1e-9)
     (x, sigma_x), (y, sigma_y) = (_middle(share.sum(axis=axis), variance.sum(axis=axis), area) for axis in (0, 1))
     body = window.mask > 0
-    seen, background = window.image[:, body], window.background[:, body]
-    noise = float(window.noise[0, body].mean(dtype=np.float64))
+    seen, noise = window.image[0][body], float(window.noise[0][body].mean(dtype=np.float64))
     return Centre(
         x=x,
         y=y,
@@ -102,9 +101,9 @@ def _moments(window: Window, share: Array, variance: Array) -> Centre:
         sigma_y=sigma_y,
         area=area,
         sigma_area=float(np.sqrt(variance.sum())),
-        contrast=float(np.abs(seen - background).max(axis=0).mean(dtype=np.float64)),
-        intensity=float(seen[0].mean(dtype=np.float64)),
-        sigma_intensity=noise * float(np.sqrt(window.inflation / seen.shape[1])),
+        contrast=float(np.abs(window.image - window.background).max(axis=0)[body].mean(dtype=np.float64)),
+        intensity=float(seen.mean(dtype=np.float64)),
+        sigma_intensity=noise * float(np.sqrt(window.inflation / seen.size)),
         cut=max(float(side.max()) for side in (share[0], share[-1], share[:, 0], share[:, -1])) > HALF,
         lobes=outline_lobes(share, x, y, area),
     )

@@ -44,7 +44,8 @@ def made_ready(planes: Planes, mask: Bytes, other: Bytes, finer: int) -> tuple[I
 
 def _at_level(image: Image, background: Image, covered: Bytes) -> Image:
     """The background as bright as it is now round what is covered: flicker, soft shade."""
-    off = (image - background)[:, dilated(covered, RING) == 0]
+    free = dilated(covered, RING) == 0
+    off = np.array([plane[free] for plane in image - background])
     return background + np.median(off, axis=1)[:, np.newaxis, np.newaxis] if off.size else background
 
 
@@ -91,7 +92,7 @@ def looks_of(planes: Planes, mask: Bytes) -> tuple[float, float]:
     """
     image, background, _ = planes
     level = np.abs(image - background).max(axis=0)
-    slopes = np.hypot(cv2.Sobel(level, cv2.CV_32F, 1, 0), cv2.Sobel(level, cv2.CV_32F, 0, 1)) / 8
+    slopes = cv2.magnitude(cv2.Sobel(level, cv2.CV_32F, 1, 0), cv2.Sobel(level, cv2.CV_32F, 0, 1)) / 8
     brightening = (image[0] - background[0])[mask > 0]
     return float(brightening.sum()) / max(1, brightening.size), quantile(slopes[dilated(mask, 1) > 0], STEEP)
 
@@ -124,6 +125,8 @@ def moments_of_difference(planes: Planes, mask: Bytes, other: Bytes, reach: int)
     level = np.abs(image / noise - background / noise).max(axis=0)
     rows, columns = np.nonzero(dilated(mask, reach) > other)
     weights = np.minimum(level[rows, columns].astype(np.float64) / max(quantile(level[mask > 0], 0.5), 1e-6), 1.0)
-    covariance = np.cov(columns, rows, aweights=weights)
-    middle = np.average([columns, rows], axis=1, weights=weights)
-    return np.array([*middle, covariance[0, 0], covariance[1, 1], covariance[0, 1]])
+    total = weights.sum()
+    x, y = weights @ columns / total, weights @ rows / total
+    off = np.array([columns - x, rows - y])
+    (across, shared), (_, down) = (off * weights) @ off.T / (total - weights @ weights / total)
+    return np.array([x, y, across, down, shared])

@@ -8,6 +8,8 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import TypeVar
 
+import cv2
+
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 MAX_WORKERS = 4  # of more, most wait for the interpreter
@@ -18,7 +20,8 @@ def ahead(work: Callable[[Item], Result], items: Iterable[Item]) -> Iterator[Res
 
     The work on one item must not depend on that on another. At most one item more than there are workers is held.
     """
-    workers = min(MAX_WORKERS, os.cpu_count() or 1)
+    workers, own_threads = min(MAX_WORKERS, os.cpu_count() or 1), cv2.getNumThreads()
+    cv2.setNumThreads(1)  # OpenCV's own wait for each other longer than small images take
     waiting: deque[Future[Result]] = deque()
     pool = ThreadPoolExecutor(workers)
     try:
@@ -30,3 +33,4 @@ def ahead(work: Callable[[Item], Result], items: Iterable[Item]) -> Iterator[Res
             yield waiting.popleft().result()
     finally:
         pool.shutdown(cancel_futures=True)
+        cv2.setNumThreads(own_threads)

@@ -18,8 +18,8 @@ def least_cost_pairs(cost: Array) -> tuple[Numbers, Numbers]:
     cost
         Finite cost (m, n) of each pair.
     """
-    if cost.shape[0] == 1:  # SciPy's optimisers take a third of a second to import, and one body needs none
-        return np.zeros(1, dtype=np.intp), np.argmin(cost, axis=1)
+    if 1 in cost.shape:  # SciPy's optimisers take a third of a second to import, and one body needs none
+        return np.divmod([np.argmin(cost)], cost.shape[1])
     from scipy.optimize import linear_sum_assignment
 
     rows, columns = linear_sum_assignment(cost)

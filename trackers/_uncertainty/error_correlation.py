@@ -50,13 +50,14 @@ def outline_lobes(share: Array, x: float, y: float, area: float) -> tuple[float,
         Its centre, px from the centre of pixel (0, 0) of ``share``, and its area, px^2.
     """
     radius = float(np.sqrt(area / np.pi))
-    squared = np.add.outer((np.arange(share.shape[0]) - y) ** 2, (np.arange(share.shape[1]) - x) ** 2)
-    rows, columns = np.nonzero((squared > (INNER * radius) ** 2) & (squared < (OUTER * radius) ** 2))
-    seen = share[rows, columns]
+    down, across = np.arange(share.shape[0]) - y, np.arange(share.shape[1]) - x
+    squared = np.add.outer(down**2, across**2)
+    near = (squared > (INNER * radius) ** 2) & (squared < (OUTER * radius) ** 2)
+    seen = share[near]
     covered = np.clip(seen, 0, 1)
     width = max(1.0, 6 * float((covered * (1 - covered)).sum()) / (2 * np.pi * radius))
-    off = seen - np.clip((radius - np.sqrt(squared[rows, columns])) / width + 0.5, 0, 1)
-    return lobe_amplitudes(off, columns - x + 1j * (rows - y), radius)
+    off = seen - np.clip((radius - np.sqrt(squared[near])) / width + 0.5, 0, 1)
+    return lobe_amplitudes(off, np.add.outer(1j * down, across)[near], radius)
 
 
 def lobe_amplitudes(share: Array | Image, offset: NDArray[np.complex128], radius: float) -> tuple[float, ...]:
@@ -71,8 +72,9 @@ def lobe_amplitudes(share: Array | Image, offset: NDArray[np.complex128], radius
     radius
         Of the disc, px.
     """
-    weight, direction = share / (np.pi * radius), offset / np.maximum(np.abs(offset), 1e-9)
-    amplitudes = [complex(weight @ direction**lobe) for lobe in LOBES]
+    weight, direction = share / (np.pi * radius), offset * (1 / np.maximum(np.abs(offset), 1e-9))
+    cubed = direction * direction * direction
+    amplitudes = [complex(weight @ power) for power in (cubed, cubed * direction * direction)]
     return tuple(part for amplitude in amplitudes for part in (amplitude.real, amplitude.imag))
 
 

@@ -46,7 +46,7 @@ def template() -> MeasuredDocument:
         _value(
             row["phenomenon"],
             row["setting"],
-            _published_name(row["phenomenon"], row["parameter"]),
+            benchmark_classes()[row["phenomenon"]][1].parameters.get(row["parameter"], row["parameter"]),
             row["value"],
             row["uncertainty"],
             row["unit"],
@@ -63,11 +63,6 @@ def template() -> MeasuredDocument:
     ]
     gravity = _value(ANY, ANY, "gravity", *GRAVITY, "m/s^2", source=TEXT, measurement_type="assumed")
     return MeasuredDocument(values=[gravity, *radii, *values])
-
-
-def _published_name(class_name: str, parameter: str) -> str:
-    """The name of our parameter in ``parameters.json``."""
-    return benchmark_classes()[class_name][1].parameters.get(parameter, parameter)
 
 
 def _value(

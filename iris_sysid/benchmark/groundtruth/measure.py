@@ -63,16 +63,14 @@ class ClipMeasurement:
 class Conditions:
     """Conditions of every clip: true frame rate, its relative error, and whether damaged files are used in part.
 
-    ``trials``: at most this many clips of each setting, in the order of their names; None for all. ``phenomenon``:
-    only its clips; None for all. ``transfer``: the camera's curve from light to grey levels; None takes
-    the files' tags.
+    ``trials``: at most this many clips of each setting, in the order of their names; None for all. ``transfer``: the
+    camera's curve from light to grey levels; None takes the files' tags.
     """
 
     fps: float | None = None
     clock_stderr: float = 0.0
     keep_partial: bool = False
     trials: int | None = None
-    phenomenon: str | None = None
     transfer: Transfer | None = None
 
 
@@ -138,13 +136,13 @@ def measure(
     # absolute: each worker runs in its own folder
     listing, root = list_clips(Path(dataset).absolute()), Path(folder).absolute()
     gaps = {gap.place: gap.reason for gap in listing.gaps}
-    chosen = [
-        clip for clip in _chosen(listing.clips, conditions.trials) if conditions.phenomenon in (None, clip.phenomenon)
-    ]
+    chosen = _chosen(listing.clips, conditions.trials)
     calibrated = _calibrated(listing, root, measured, chosen, gaps, workers)
     jobs = [_job(clip, root, measured, conditions, clip.class_name in calibrated) for clip in chosen]
-    now = 0
-    outcomes = run_parallel(Batch(root, _measured, _lost), _in_turn(jobs), workers)
+    # the first clip of every setting, then the second of every one: a run that ends early has some of each
+    turns = zip(places(chosen), jobs, strict=True)
+    in_turn = [job for _, job in sorted(turns, key=lambda pair: pair[0])]
+    now, outcomes = 0, run_parallel(Batch(root, _measured, _lost), in_turn, workers)
     for job, (measured_now, reason) in with_progress(outcomes, progress, len(jobs)):
         now += measured_now
         if reason and measured_now:
@@ -161,12 +159,6 @@ def _chosen(clips: Sequence[Clip], trials: int | None) -> list[Clip]:
     if trials is not None and trials < 1:
         raise DataError(f"trials must be at least 1, not {trials}")
     return [clip for clip, turn in zip(clips, places(clips), strict=True) if trials is None or turn < trials]
-
-
-def _in_turn(jobs: Sequence[ClipJob]) -> list[ClipJob]:
-    """The first clip of every setting, then the second of every setting: a run that ends early has some of each."""
-    turns = places([job.clip for job in jobs])
-    return [job for _, job in sorted(zip(turns, jobs, strict=True), key=lambda pair: pair[0])]
 
 
 def _calibrated(

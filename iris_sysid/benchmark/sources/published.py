@@ -55,7 +55,8 @@ def truth_of(dataset: str, phenomenon: str, setting: str, parameter: str) -> Pub
 
 @cache
 def _all_truths() -> dict[tuple[str, str, str, str], PublishedTruth]:
-    frame = _package_table("truth.csv", PublishedTruth)
+    with as_file(files("iris_sysid.benchmark.sources") / "published" / "truth.csv") as path:
+        frame = read_columns(path, [field.name for field in fields(PublishedTruth)])
     rows = (
         PublishedTruth(
             **{**_texts(row), "value": float(row["value"]), "uncertainty": float(row["uncertainty"] or math.nan)}
@@ -67,8 +68,3 @@ def _all_truths() -> dict[tuple[str, str, str, str], PublishedTruth]:
 
 def _texts(row: Mapping[Hashable, Any]) -> dict[str, Any]:
     return {str(name): value for name, value in row.items()}
-
-
-def _package_table(name: str, kind: type) -> pd.DataFrame:
-    with as_file(files("iris_sysid.benchmark.sources") / "published" / name) as path:
-        return read_columns(path, [field.name for field in fields(kind)])

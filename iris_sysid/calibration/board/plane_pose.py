@@ -133,7 +133,7 @@ def _with_camera(
         behind_m, size = offset_m + change[15], 1 + change[16]
         return np.append(_homography(pose + change[:6], changed, behind_m, size, board.centre_m), changed)
 
-    if not _in_front(pose, offset_m):
+    if not pose[5] - offset_m * rotation_of(pose)[2, 2] > 0:  # of the centre of the plane of motion
         raise CalibrationError(
             f"the board is {np.linalg.norm(pose[3:]):.3g} m away, so a plane {offset_m:g} m in front of it is "
             "behind the camera; the offset is positive where the board is further away than the motion"
@@ -174,11 +174,6 @@ def _homography(pose: Array, parameters: Array, behind_m: float, size: float, ce
     to_image = matrix_of(parameters) @ np.column_stack([axes[:, :2], translation]) @ to_board
     homography = np.linalg.inv(to_image)
     return np.asarray(homography / homography[2, 2]).ravel()
-
-
-def _in_front(pose: Array, behind_m: float) -> bool:
-    """Whether the centre of the plane of motion is in front of the camera."""
-    return bool(pose[5] - behind_m * rotation_of(pose)[2, 2] > 0)
 
 
 # --------------------------------------------------------------------------- without a camera

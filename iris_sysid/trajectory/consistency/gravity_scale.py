@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from iris_sysid.trajectory.circle import circle_through
 from iris_sysid.types import Array, Calibration, Doubt, Estimate, FitResult, Phenomenon, Track, Trajectory
 
 STANDARD_GRAVITY = 9.80665  # m/s^2
@@ -173,26 +174,10 @@ def relative_error(estimate: Estimate) -> float:
 def circle_radius(position: Array, bow: float = BOW) -> tuple[float, float]:
     """Radius of the circle through positions (n, 2), and its standard error, in their unit; infinite for a line.
 
-    Least squares of the orthogonal distances from an algebraic start (Kasa 1976, IEEE Trans. Instrum. Meas. 25, 8). The
-    error is at least that of an arc whose chord c is bowed by the share ``bow`` of it, 8 R / c times that.
+    The error is at least that of an arc whose chord c is bowed by the share ``bow`` of it, 8 R / c times that.
     """
-    from scipy.optimize import least_squares
-
-    middle, size = position.mean(axis=0), float(np.std(position)) or 1.0
-    x, z = ((position - middle) / size).T
-    design = np.column_stack([x, z, np.ones(x.size)])
-    first = np.linalg.lstsq(design, x**2 + z**2, rcond=None)[0]
-    start = [*(first[:2] / 2), math.sqrt(max(first[2] + first[:2] @ first[:2] / 4, 1e-12))]
-
-    def off(circle: Array) -> Array:
-        return np.asarray(np.hypot(x - circle[0], z - circle[1]) - circle[2])
-
-    found = least_squares(off, start, loss="soft_l1", f_scale=0.02)
-    jacobian: Array = np.asarray(found.jac)
-    information = jacobian.T @ jacobian
-    if not np.linalg.cond(information) < 1e14:
+    *_, radius, random = circle_through(position, "soft_l1")
+    if not math.isfinite(radius):
         return math.inf, math.inf
-    radius = abs(float(found.x[2])) * size
-    random = math.sqrt(float(np.mean(found.fun**2)) * np.linalg.inv(information)[2, 2]) * size
     chord = min(float(np.max(np.ptp(position, axis=0))), 2 * radius)
     return radius, math.hypot(random, bow * 8 * radius**2 / chord)
