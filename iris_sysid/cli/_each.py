@@ -14,7 +14,7 @@ import typer
 from iris_sysid.cli import _completion, _model_choice, _own_equation, _terminal
 from iris_sysid.cli._groups import typed
 from iris_sysid.cli.arguments import EquationArguments, RecordArguments
-from iris_sysid.errors import IrisError
+from iris_sysid.errors import DataError, IrisError
 
 if TYPE_CHECKING:
     from iris_sysid.pipeline.diagnose_each import DiagnosisRequest
@@ -92,10 +92,13 @@ def diagnose_clips(
     clips: Sequence[Path], output: Path, request: EachRequest, workers: int | str, *, force: bool, json: bool
 ) -> bool:
     """Diagnose every table of some paths by itself, and print the summary; whether all are good and complete."""
-    from iris_sysid.pipeline.clip_folders import tables_in
+    from iris_sysid.pipeline.clip_folders import is_dataset, tables_in
     from iris_sysid.pipeline.diagnose_each import COLUMNS, FAILED, INCOMPLETE, NamedTable, diagnose_each
     from iris_sysid.registry import EFFECTS
 
+    data_sets = [path for path in clips if is_dataset(path)]
+    if data_sets:
+        raise DataError(f"{data_sets[0]} is a data set: measure it first (iris-sysid gt), then give folders of tables")
     request.search.limits()  # refuses an unknown part before any work
     effects = tuple(map(EFFECTS.named, request.search.effect))
     tables = [table.absolute() for path in clips for table in tables_in(path)]

@@ -23,8 +23,9 @@ from iris_sysid.cli.arguments import (
 
 if TYPE_CHECKING:
     from iris_sysid.diagnosis.planning.plan import Plan
+    from iris_sysid.report.film import Footage
     from iris_sysid.report.validation_figure import ValidatedDiagnosis
-    from iris_sysid.types import Diagnosis, Trajectory
+    from iris_sysid.types import Diagnosis, OdeModel, Trajectory
 
 
 @dataclass(frozen=True)
@@ -38,11 +39,14 @@ class JointArguments:
         ),
     ] = field(default_factory=list)
     validate: Validate = None
+    trials: Annotated[int | None, typer.Option(help="Number of clips of each setting of a data set.")] = None
+    board: Annotated[str | None, typer.Option(help="Inner corners of a data set's checkerboards: 9x6.")] = None
+    square: Annotated[str | None, typer.Option(help="Side of their squares: 25mm or 25.0+-0.1mm.")] = None
 
 
 @with_groups
 def diagnose(
-    clips: Annotated[list[Path], typer.Argument(help=f"{TABLE}; folders of them, of run or of gt.")],
+    clips: Annotated[list[Path], typer.Argument(help=f"{TABLE}; folders of them, of run, or a data set.")],
     output: Output,
     stated: EquationArguments,
     record: RecordArguments,
@@ -56,9 +60,9 @@ def diagnose(
 ) -> None:
     """Find what a governing equation lacks: the parts of its residual, the effects, the error before and after.
 
-    A folder of run needs no further option. Several clips of the same kind are diagnosed jointly. With --each every
-    clip is diagnosed by itself: a page for each and summary.csv; a second run does only what is missing. The model may
-    be your own: FILE.py:NAME.
+    A folder of run needs no further option. Several clips of the same kind are diagnosed jointly; those of a data set
+    are measured first, once. With --each every clip is diagnosed by itself: a page for each and summary.csv; a second
+    run does only what is missing. The model may be your own: FILE.py:NAME.
 
     \b
     Example:
@@ -67,7 +71,7 @@ def diagnose(
     from iris_sysid.cli import _each, _model_choice, _parsing, _records
     from iris_sysid.io.files import check_folder
     from iris_sysid.io.json_documents import document_text
-    from iris_sysid.pipeline.clip_folders import tables_in
+    from iris_sysid.pipeline.clip_folders import is_dataset, tables_in
     from iris_sysid.registry import EFFECTS, MODELS
     from iris_sysid.report.diagnosis_files import FILES
 
@@ -79,16 +83,17 @@ def diagnose(
         if not _each.diagnose_clips(clips, output, request, processes, force=force, json=json) and strict:
             raise typer.Exit(_terminal.NOT_GOOD)
         return
-    parallel = {"--workers": work.workers, "--scheduler": work.scheduler}
-    _terminal.refuse(parallel, "belongs to --each; several tables at once are one fit")
+    if not any(map(is_dataset, clips)):
+        parallel = {"--workers": work.workers, "--scheduler": work.scheduler}
+        _terminal.refuse(parallel, "belongs to --each and to data sets; several tables at once are one fit")
+    processes = _terminal.workers_of(work)
     check_folder(output, FILES, overwrite=force)
     described, free_by_default = _model_choice.stated_model(stated, search.phenomenon, clips, record)
     fixed = _parsing.settings(stated.known, described.units())
     limits, sensor = search.limits(), _parsing.sensor(search.sensor)
     options = typed(stated, record, search, clip_set=joint.clip_set, validate=joint.validate)
     options["model"] = stated.model or described.name
-    tables = [table for path in clips for table in tables_in(path)]
-    measured = _terminal.read_tables(tables, record, described)
+    measured = _measured(clips, described, record, search.phenomenon, output, joint, processes)
     # imported after the clips are read, so that an unreadable file is reported without delay
     from iris_sysid.diagnosis.diagnose import diagnose as find_missing_effects
     from iris_sysid.report.diagnosis_text import diagnosis_text
@@ -102,8 +107,7 @@ def diagnose(
     estimated = list(dict.fromkeys(named))
     trajectories, kept = _records.split(trajectories, joint.validate, record, described)
     trajectories = _records.held(trajectories, described, record.hold, fixed=fixed, free=estimated)
-    limit = "" if search.seconds is None else f"at most {search.seconds:g} s; "
-    with _terminal.phases(f"fitting {described.name}", f"{limit}Ctrl-C: the best answer so far") as say:
+    with _terminal.phases(f"fitting {described.name}", _how_to_end(search.seconds)) as say:
         diagnosis = find_missing_effects(
             trajectories,
             described,
@@ -121,20 +125,20 @@ def diagnose(
     stopped = _stopped(diagnosis, json)
     # drawing the page takes longer than a short search: the answer is there before it
     from iris_sysid.report.diagnosis_page import diagnosis_document, write_diagnosis
-    from iris_sysid.report.film import footage_of_table
 
     planned = None if stopped else _planned(diagnosis, trajectories)
-    footage = footage_of_table(tables[0], measured[0])
+    footage = _footage(clips[0], measured[0])
     page = write_diagnosis(
         diagnosis, trajectories, output, planned=planned, footage=footage, validated=validated, overwrite=force
     )
     if json:
         typer.echo(document_text(diagnosis_document(diagnosis, trajectories, validated)).rstrip("\n"))
     typer.echo(f"report: {page}", err=True)
+    tables = [] if any(map(is_dataset, clips)) else [table for path in clips for table in tables_in(path)]
     same = as_typed(record)
     if planned is not None and not json:
         _advise(planned, tables, output, same)
-    if diagnosis.incomplete and MODELS.get(described.name) is described:
+    if diagnosis.incomplete and tables and MODELS.get(described.name) is described:
         named, found = ["--residual-of", described.name], output / "discovery.json"
         given = _terminal.repeated("--set", stated.known)
         _terminal.suggest("discover", *tables, *named, *same, *given, "-o", found, json=json)
@@ -156,6 +160,20 @@ def _validated(
         _records.tell(before, json, "validation without effects")
     _records.tell(after, json)
     return ValidatedDiagnosis(name, before, after)
+
+
+def _footage(path: Path, clip: "Trajectory") -> "Footage | None":
+    """The frames of the first clip for the page, where ``run`` measured it and it still lies near its table."""
+    from iris_sysid.pipeline.clip_folders import is_dataset, tables_in
+    from iris_sysid.report.film import footage_of_table
+
+    return None if is_dataset(path) else footage_of_table(tables_in(path)[0], clip)
+
+
+def _how_to_end(seconds: float | None) -> str:
+    """What the line of progress says of the end of the search."""
+    limit = "" if seconds is None else f"at most {seconds:g} s; "
+    return f"{limit}Ctrl-C: the best answer so far"
 
 
 def _stopped(diagnosis: "Diagnosis", json: bool) -> bool:
@@ -186,5 +204,37 @@ def _advise(planned: "Plan", tables: list[Path], output: Path, same: list[str]) 
 
     for line in advice(planned):
         typer.echo(line, err=True)
-    names = _terminal.repeated("--name", list(planned.probabilities))
-    _terminal.suggest("plan", output, *tables, *names, *same)
+    if tables:
+        names = _terminal.repeated("--name", list(planned.probabilities))
+        _terminal.suggest("plan", output, *tables, *names, *same)
+
+
+def _measured(
+    clips: list[Path],
+    model: "OdeModel",
+    record: RecordArguments,
+    phenomenon: str | None,
+    output: Path,
+    joint: JointArguments,
+    workers: int | str,
+) -> "list[Trajectory]":
+    """The trajectories of tables and folders; clips of a data set are measured, with results beside the output."""
+    from iris_sysid.pipeline.clip_folders import is_dataset, tables_in
+
+    trajectories: list[Trajectory] = []
+    for path in clips:
+        if not is_dataset(path):
+            trajectories += _terminal.read_tables(tables_in(path), record, model)
+            continue
+        from iris_sysid.cli._dataset_clips import measured_clips  # loads the benchmark, which tables do without
+
+        trajectories += measured_clips(
+            path,
+            phenomenon,
+            Path(f"{output}".rstrip("/") + ".work"),
+            corners=joint.board,
+            square=joint.square,
+            trials=joint.trials,
+            workers=workers,
+        )
+    return trajectories

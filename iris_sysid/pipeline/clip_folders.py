@@ -1,4 +1,4 @@
-"""Find the clips to diagnose: tables, folders of tables, of ``run``, or of a setting that ``gt`` measured."""
+"""Find the clips to diagnose: tables, folders of tables, folders of ``run``, or a whole data set."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from iris_sysid.registry import PHENOMENA
 from iris_sysid.types import BenchmarkClass
 
 TRAJECTORY = "trajectory.csv"  # in a folder of ``run``
-TRACK = "track.csv"  # in the same folder, and the end of such names in a folder of gt; not a trajectory
+TRACK = "track.csv"  # in the same folder; not a trajectory
 CLIP_SUFFIXES = (".mp4", ".mov", ".m4v", ".mkv", ".avi", ".webm", ".gif")  # of the files in a folder of clips
 
 
@@ -22,21 +22,24 @@ def benchmark_classes() -> dict[str, tuple[str, BenchmarkClass]]:
     }
 
 
+def is_dataset(path: Path) -> bool:
+    """Whether a folder holds the folder of any registered benchmark class."""
+    return path.is_dir() and any((path / name).is_dir() for name in benchmark_classes())
+
+
 def tables_in(path: Path) -> list[Path]:
     """The trajectory files of a path, sorted by name: the file itself, or those in the folder and its subfolders.
 
-    DataError when the folder holds no trajectory, as a data set before it is measured.
+    DataError when the folder holds no trajectory.
     """
     if not path.is_dir():
         return [path]
-    named = sorted(table for table in path.glob("*.csv") if table.is_file() and not table.name.endswith(TRACK))
+    named = sorted(table for table in path.glob("*.csv") if table.is_file() and table.name != TRACK)
     own = [path / TRAJECTORY] if (path / TRAJECTORY).is_file() else named
     tables = own or sorted(folder / TRAJECTORY for folder in path.iterdir() if (folder / TRAJECTORY).is_file())
-    if any((path / name).is_dir() for name in benchmark_classes()):
-        raise DataError(
-            f"{path} is a data set: measure it first (iris-sysid gt {path} -o parameters.json), then give the folders "
-            "of its settings, parameters.work/CLASS/SETTING"
-        )
     if not tables:
-        raise DataError(f"{path} holds no clip: neither a trajectory (*.csv) nor a folder of run (*/{TRAJECTORY})")
+        raise DataError(
+            f"{path} holds no clip: it has no trajectory (*.csv), no folder of iris-sysid run (*/{TRAJECTORY}), and "
+            f"no class of a data set ({', '.join(sorted(benchmark_classes()))})"
+        )
     return tables

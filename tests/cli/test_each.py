@@ -116,7 +116,7 @@ def test_command_takes_the_model_of_each_run_in_another_process(angles, tmp_path
     ("options", "message"),
     [
         (["--each", "--clip-set", "1:mass=2"], "--clip-set belongs to a joint diagnosis"),
-        (["--each", "--validate", "30%"], "--validate belongs to a joint diagnosis"),
+        (["--each", "--trials", "2"], "--trials belongs to a joint diagnosis"),
         (["--workers", "2"], "--workers belongs to --each"),
         (["--scheduler", "x.json"], "--scheduler belongs to --each"),
         (["--each", "--equation", "theta'' = -k*theta"], "give --model or --equation, not both"),

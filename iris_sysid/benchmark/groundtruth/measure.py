@@ -63,14 +63,16 @@ class ClipMeasurement:
 class Conditions:
     """Conditions of every clip: true frame rate, its relative error, and whether damaged files are used in part.
 
-    ``trials``: at most this many clips of each setting, in the order of their names; None for all. ``transfer``: the
-    camera's curve from light to grey levels; None takes the files' tags.
+    ``trials``: at most this many clips of each setting, in the order of their names; None for all. ``phenomenon``:
+    only its clips; None for all. ``transfer``: the camera's curve from light to grey levels; None takes
+    the files' tags.
     """
 
     fps: float | None = None
     clock_stderr: float = 0.0
     keep_partial: bool = False
     trials: int | None = None
+    phenomenon: str | None = None
     transfer: Transfer | None = None
 
 
@@ -136,7 +138,9 @@ def measure(
     # absolute: each worker runs in its own folder
     listing, root = list_clips(Path(dataset).absolute()), Path(folder).absolute()
     gaps = {gap.place: gap.reason for gap in listing.gaps}
-    chosen = _chosen(listing.clips, conditions.trials)
+    chosen = [
+        clip for clip in _chosen(listing.clips, conditions.trials) if conditions.phenomenon in (None, clip.phenomenon)
+    ]
     calibrated = _calibrated(listing, root, measured, chosen, gaps, workers)
     jobs = [_job(clip, root, measured, conditions, clip.class_name in calibrated) for clip in chosen]
     # the first clip of every setting, then the second of every one: a run that ends early has some of each
