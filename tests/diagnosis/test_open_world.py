@@ -150,7 +150,7 @@ def test_what_fits_in_short_windows_alone_leaves_what_was_found_before_it(most, 
     weak = SimpleNamespace(grown=lambda base, most: sets, candidate=lambda found: found)
     world._cache = SimpleNamespace(base=None, weak=weak, with_added=lambda base, candidate: candidate)
     world.shares = SimpleNamespace(allows=lambda model: len(model.effects) <= most, testable=True)
-    world._of_weak = lambda found, model: found
+    world._is_followed, world._of_weak = lambda found, model: True, lambda found, model: found
     assert world.in_weak_form() is sets[chosen]
 
 
