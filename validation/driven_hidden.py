@@ -13,19 +13,27 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.integrate import solve_ivp
 
-from iris_sysid import Diagnosis, Quantity, Trajectory, diagnose, model_from_equation
+from iris_sysid import Diagnosis, Trajectory, diagnose
 from iris_sysid.types import Array
+from validation.driven_speed import (
+    CART,
+    DRY,
+    HELD,
+    MASS,
+    NOISE_M,
+    STEP_S,
+    STIFFNESS,
+    VISCOUS,
+    Force,
+    dry,
+    positions,
+    table_of,
+)
 from validation.pages import add_option, table
 
-CART = model_from_equation("q'' = (35*u - c*q' - k*q)/m", units={"q": "m", "u": "V", "m": "kg"})
-VALUES = {"c": 20.0, "k": 150.0, "m": 9.0}  # N s/m, N/m, kg
-GAIN = 35.0  # N/V
-STEP_S, HELD, NOISE_M, SAMPLES = 0.005, 20, 2e-4, 1500  # of a sample; samples of a voltage; of the position
-LAG_S, PLAY_V = 0.03, 1.0
-
-Force = Callable[[float, float], float]  # N, of the position in m and the velocity in m/s
+VALUES = {"c": VISCOUS, "k": STIFFNESS, "m": MASS}  # N s/m, N/m, kg
+SAMPLES, LAG_S, PLAY_V = 1500, 0.03, 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,11 +45,6 @@ class Hidden:
     force: Force | None = None
     acts: Callable[[Array], Array] | None = None
     seen: Callable[[Array], Array] | None = None
-
-
-def dry(size: float, velocity: float, turnover: float = 1e-2) -> float:
-    """A friction (N) of a size, against the velocity in m/s, rounded off."""
-    return -size * velocity / float(np.hypot(velocity, turnover))
 
 
 def softening(position: float, velocity: float) -> float:
@@ -57,7 +60,7 @@ def stribeck(position: float, velocity: float) -> float:
 
 def asymmetric(position: float, velocity: float) -> float:
     """A dry friction that is larger forwards."""
-    return dry(12.0 if velocity > 0 else 6.0, velocity)
+    return dry(DRY if velocity > 0 else DRY / 2, velocity)
 
 
 def played(given: Array) -> Array:
@@ -79,7 +82,7 @@ def lagging(position: Array) -> Array:
 FRICTION = frozenset({"coulomb-friction", "velocity-weakening-friction"})
 HIDDEN = (
     Hidden("nothing"),
-    Hidden("dry friction", frozenset({"coulomb-friction"}), lambda q, v: dry(12.0, v)),
+    Hidden("dry friction", frozenset({"coulomb-friction"}), lambda q, v: dry(DRY, v)),
     Hidden("friction twice as large at rest", FRICTION, stribeck),
     Hidden("dry friction, larger forwards", FRICTION, asymmetric),
     Hidden("quadratic drag", frozenset({"quadratic-drag"}), lambda q, v: -15 * v * abs(v)),
@@ -103,34 +106,9 @@ def record(hidden: Hidden, seed: int) -> Trajectory:
     """The cart with one hidden effect; the voltage is drawn anew every HELD samples."""
     rng = np.random.default_rng(seed)
     voltage = np.repeat(rng.uniform(-10, 10, SAMPLES // HELD), HELD)
-    acting = voltage if hidden.acts is None else hidden.acts(voltage)
-    state, positions = np.zeros(2), np.zeros(SAMPLES)
-    changes = np.flatnonzero(np.diff(acting, prepend=np.inf))
-    for first, last in zip(changes, [*changes[1:], SAMPLES], strict=True):
-
-        def slope(t: float, now: Array, drive: float = GAIN * float(acting[first])) -> tuple[float, float]:
-            more = 0.0 if hidden.force is None else hidden.force(float(now[0]), float(now[1]))
-            own = drive - VALUES["c"] * now[1] - VALUES["k"] * now[0]
-            return float(now[1]), float((own + more) / VALUES["m"])
-
-        times = np.arange(last - first + 1) * STEP_S
-        solved = solve_ivp(slope, (0.0, times[-1]), state, t_eval=times, rtol=1e-7, atol=1e-9).y
-        positions[first:last], state = solved[0, :-1], solved[:, -1]
-    seen = positions + NOISE_M * rng.standard_normal(SAMPLES)
-    q = (seen if hidden.seen is None else hidden.seen(seen))[:, None]
-    unknown, valid = np.full_like(q, np.nan), np.ones(SAMPLES, dtype=np.bool_)
-    t_s = np.arange(SAMPLES) * STEP_S
-    return Trajectory(
-        t_s,
-        (Quantity("q", "m"),),
-        q,
-        unknown,
-        valid,
-        CART.inputs,
-        voltage[:, None],
-        sensor="encoder",
-        hold="zero-order",
-    )
+    moved = positions(voltage if hidden.acts is None else hidden.acts(voltage), hidden.force)
+    seen = moved + NOISE_M * rng.standard_normal(SAMPLES)
+    return table_of(seen if hidden.seen is None else hidden.seen(seen), voltage)
 
 
 def word(hidden: Hidden, found: Diagnosis) -> str:

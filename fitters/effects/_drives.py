@@ -1,12 +1,15 @@
-"""What effects on a known input share: which of several inputs they act on."""
+"""What effects on a known input share: on which of several inputs they act, and powers of its size."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from itertools import product
 
 import numpy as np
 
 from fitters.effects._domain import on_a_line
+from fitters.effects._powers import MIN_BASE, SCALE
 from iris_sysid.types import Array, OdeModel, Parameter, picklable
 
 
@@ -47,3 +50,19 @@ def on_one_input(change: Callable[..., Array]) -> Callable[[Array, Array, Array]
 def each(t_s: Array, inputs: Array) -> list[tuple[float, ...]]:
     """The number of each input, to be tried. ``t_s`` (n,), s; ``inputs`` (n, m), in their units."""
     return [(float(k),) for k in range(inputs.shape[1])]
+
+
+def largest_parameter(name: str, source: str) -> Parameter:
+    """The largest size of an input, on which the share of a power counts."""
+    return replace(SCALE, name=name, unit="1", symbol="u_1", source=source)
+
+
+@picklable
+def powers_of_each(powers: Sequence[float]) -> Callable[[Array, Array], list[tuple[float, ...]]]:
+    """The ``trials`` of some powers of each input: the power, its largest size, and its number."""
+
+    def trials(t_s: Array, inputs: Array) -> list[tuple[float, ...]]:
+        sizes = [float(size) + MIN_BASE for size in np.nanmax(np.abs(inputs), axis=0)]
+        return [(exponent, size, float(k)) for (k, size), exponent in product(enumerate(sizes), powers)]
+
+    return trials

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from itertools import product
-
 import numpy as np
 
-from fitters.effects._drives import is_driven, on_one_input, which_parameter
-from fitters.effects._powers import MIN_BASE, SCALE, power
+from fitters.effects._drives import is_driven, largest_parameter, on_one_input, powers_of_each, which_parameter
+from fitters.effects._powers import power
 from iris_sysid.types import Array, Effect, EffectExample, Parameter
 
 POWERS = (3.0, 2.0)
@@ -19,12 +16,6 @@ def bent(t_s: Array, given: Array, share: float, exponent: float, largest: float
     return np.asarray(given * (1.0 + share * (np.abs(given) / largest) ** (exponent - 1.0)))
 
 
-def trials(t_s: Array, inputs: Array) -> list[tuple[float, ...]]:
-    """Powers of each input, and its largest size. ``t_s`` (n,), s; ``inputs`` (n, m), in their units."""
-    sizes = [float(size) + MIN_BASE for size in np.nanmax(np.abs(inputs), axis=0)]
-    return [(exponent, size, float(k)) for (k, size), exponent in product(enumerate(sizes), POWERS)]
-
-
 EFFECT = Effect(
     name="input-non-linearity",
     summary="an input that acts more, or less, than in proportion",
@@ -33,13 +24,7 @@ EFFECT = Effect(
     parameters=(
         Parameter("input_non_linearity", "1", "b", lower=-1.0, default=0.0),
         power("input_non_linearity", 3.0, (1.5, 5.0), "the first odd term of any smooth function; 2 is tried as well"),
-        replace(
-            SCALE,
-            name="input_scale",
-            unit="1",
-            symbol="u_1",
-            source="the largest input; b is the share that it gains there",
-        ),
+        largest_parameter("input_scale", "the largest input; b is the share that it gains there"),
         which_parameter("bent_input"),
     ),
     component="input",
@@ -47,7 +32,7 @@ EFFECT = Effect(
     plausibility=0.3,
     drive=on_one_input(bent),
     alike="input-saturation, where little is cut; a gain, where the input has one size",
-    trials=trials,
+    trials=powers_of_each(POWERS),
     typical="an amplifier near its limits: -0.1; a propeller or a fan, whose force goes with the square: far more",
     example=EffectExample("driven-oscillator", size=0.2),
 )

@@ -93,6 +93,10 @@ class FitRequest:
         """A copy with some fields replaced."""
         return replace(self, **changes)
 
+    def roughly(self) -> FitRequest:
+        """The request for a fit that only compares models."""
+        return self.with_(options=replace(self.options, rough=True))
+
     def from_near(self, start: Mapping[str, float]) -> FitRequest:
         """A copy that starts near its minimum and skips the global search, and the errors of a discrepancy."""
         return replace(self, start=start, options=replace(self.options, local=True, discrepancy=False))

@@ -313,10 +313,11 @@ def _of_complete(
     shares, finals = {}, list(report.finals())
     for effect in final.effects:
         decided = sure and _residual_ratio(world.without_absorbing(final, effect), cache.base) <= AT_NOISE
-        odds = world.rivals.with_alone(report.probabilities(effect), final, effect, sure=decided)
+        alike = report.probabilities(effect)
+        odds = world.rivals.with_alone(alike, final, effect, sure=decided)
         # most effects were fitted alone only in the search
         shares[effect.name] = searched.rivals.with_alone(odds, final, effect, sure=decided)
-        alone = {*shares[effect.name]} - {*report.probabilities(effect)}
+        alone = {*shares[effect.name]} - {*alike}
         others = [each for tried in (world, searched) for each in tried.rivals.instead_of(final, effect, alone)]
         finals = [_spanning_rivals(fitted, final, others, k) for k, fitted in enumerate(finals)]
     rivals = {name: [other for other in names if other != name] for name, names in shares.items()}

@@ -134,7 +134,7 @@ class FitCache:
             Whether to end as fits do that compare models: a fit of long records can creep for ever.
         """
         start = replace(found, units=self.base.units)
-        clips = [clip.with_(options=replace(clip.options, rough=rough)) for clip in self.clips]
+        clips = [clip.roughly() for clip in self.clips] if rough else self.clips
         self._models[found.key] = refitted(clips, start, self._model, found.effects, self._no_starts)
         return self._models[found.key]
 
@@ -224,7 +224,7 @@ class FitCache:
             clips, units = self._at_samples(RANKED)
             if units is None:
                 return None
-            rough = [clip.with_(options=replace(clip.options, rough=True)) for clip in clips]
+            rough = [clip.roughly() for clip in clips]
             base = replace(self.base, units=units)
             self._few = FitCache(rough, self._model, self.library, base, self._holdout, self.report)
         return self._few
@@ -234,7 +234,7 @@ class FitCache:
         clips, units = self._at_samples(SEARCHED)
         if units is None or self.base.squares < BEYOND_NOISE**2 * sum(unit.size for unit in self.base.units):
             clips, units = list(self.clips), self.base.units
-        rough = [clip.with_(options=replace(clip.options, rough=True)) for clip in clips]
+        rough = [clip.roughly() for clip in clips]
         fits = [
             fit_from(clip, fitted.model, free_values(fitted))
             for clip, fitted in zip(rough, self.base.fits, strict=True)

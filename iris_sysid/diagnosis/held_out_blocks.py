@@ -186,7 +186,7 @@ def _fitted_without(clip: FitRequest, fitted: FitResult, later: Indices, effects
     Where the rest says nothing of an effect, e.g. of a frame lost in the last block, it is absent.
     """
     known, start = without_samples(clip, later), free_values(fitted)
-    rough = known.with_(options=replace(clip.options, rough=True))
+    rough = known.roughly()
     found = fit_from(rough, fitted.model, start)
     unknown = [each for each in effects if _is_undetermined(found, each.parameters[0].name)]
     if unknown:

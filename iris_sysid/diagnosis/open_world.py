@@ -28,7 +28,7 @@ from iris_sysid.types import Component, Components, Effect, Finding
 
 ABSORBED_SHARE = 0.5  # of the squared error over blocks left out that what can imitate anything removes, if it is named
 DOMINANT_SHARE = 0.85  # of the residual's squares that it explains alone, where the components do not say it
-FOLLOWED = 0.5  # of the residual's variance, that a free run with values in weak form removes
+WEAK_SHARE = 0.5  # of the residual's variance, that a free run with values in weak form removes
 LOCATED_SHARE = 0.05  # of the residual's variance from which a component without an effect is reported
 
 
@@ -116,7 +116,7 @@ class OpenWorld:
         """Whether free runs with the values in weak form explain much of the residual; not where a sensor lags."""
         each = zip(self._cache.clips, model.fits, found.estimates, self._cache.base.fits, strict=True)
         runs = [(with_values(clip, fitted, values), before) for clip, fitted, values, before in each]
-        return all(run.usable and bool(np.all(run.rms**2 < (1 - FOLLOWED) * before.rms**2)) for run, before in runs)
+        return all(run.usable and bool(np.all(run.rms**2 < (1 - WEAK_SHARE) * before.rms**2)) for run, before in runs)
 
     def _of_weak(self, found: WeakSet, model: ModelWithEffects) -> Judgement:
         judged = {effect.name: self._cache.weak.judged(found, effect) for effect in found.effects}

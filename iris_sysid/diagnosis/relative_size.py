@@ -61,5 +61,5 @@ def _of_force(effect: Effect, sizes: Array, fitted: FitResult, model: OdeModel, 
 
 
 def _rms(values: Array) -> float:
-    with np.errstate(over="ignore"):  # of a motion that runs away it is infinite
+    with np.errstate(over="ignore"):  # infinite where a motion diverges
         return float(np.sqrt(np.nanmean(values**2)))

@@ -73,8 +73,11 @@ def lobe_amplitudes(share: Array | Image, offset: NDArray[np.complex128], radius
         Of the disc, px.
     """
     weight, direction = share / (np.pi * radius), offset * (1 / np.maximum(np.abs(offset), 1e-9))
-    cubed = direction * direction * direction
-    amplitudes = [complex(weight @ power) for power in (cubed, cubed * direction * direction)]
+    power, amplitudes = direction, []
+    for lobe in range(2, max(LOBES) + 1):  # complex powers take four times as long
+        power = power * direction
+        if lobe in LOBES:
+            amplitudes.append(complex(weight @ power))
     return tuple(part for amplitude in amplitudes for part in (amplitude.real, amplitude.imag))
 
 
