@@ -9,7 +9,7 @@ seen: the ball of ``throw-classroom`` is held overhead in frames 5 and 15, and w
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
@@ -112,16 +112,38 @@ def score(tracks: Sequence[Track], marks: pd.DataFrame, width: int) -> Score:
 def compared(tracks: Sequence[Track], marks: pd.DataFrame, width: int) -> dict[int, Mapping[str, int]]:
     """The counts of :class:`Score` of each track against the marks of the body that it follows, by its number."""
     parts = [[_compare(track, rows, width) for track in tracks] for _, rows in marks.groupby("body")]
+    return {track: parts[body][track] for body, track in _taken(parts)}
+
+
+def missed(tracks: Sequence[Track], marks: pd.DataFrame, width: int) -> NDArray[np.bool_]:
+    """The marks (n,) of free bodies that the tracks of these bodies do not meet; all where there are no tracks."""
+    wrong = np.array(marks["state"] == "free", dtype=bool)
+    if not tracks:
+        return wrong
+    groups = [rows for _, rows in marks.groupby("body")]
+    parts = [[_compare(track, rows, width) for track in tracks] for rows in groups]
+    for body, track in _taken(parts):
+        here = (marks["body"] == groups[body]["body"].iloc[0]).to_numpy()
+        wrong[here] &= ~_met(at_frames(tracks[track], groups[body]["frame"].to_numpy())[0], groups[body], width)
+    return wrong
+
+
+def _taken(parts: Sequence[Sequence[Mapping[str, int]]]) -> Iterator[tuple[int, int]]:
+    """Body and track that belong together: each body has the track that is on it in most frames."""
     taken = linear_sum_assignment([[-part["on_body"] for part in row] for row in parts])
-    return {int(track): parts[body][track] for body, track in zip(*taken, strict=True)}
+    return ((int(body), int(track)) for body, track in zip(*taken, strict=True))
+
+
+def _met(xy_px: Array, marks: pd.DataFrame, width: int) -> NDArray[np.bool_]:
+    """Whether positions (n, 2) px are on the bodies at the marks (n,)."""
+    off_px = np.hypot(*(xy_px - marks[["x_px", "y_px"]].to_numpy()).T)
+    return np.asarray(off_px <= np.maximum(marks["radius_px"].to_numpy(), MIN_PX * width / OF_WIDTH))
 
 
 def _compare(track: Track, marks: pd.DataFrame, width: int) -> Mapping[str, int]:
     """Counts of one track against the marks of one body."""
     xy_px, hand = at_frames(track, marks["frame"].to_numpy())
-    tracked = np.isfinite(xy_px[:, 0])
-    off_px = np.hypot(*(xy_px - marks[["x_px", "y_px"]].to_numpy()).T)
-    met = off_px <= np.maximum(marks["radius_px"].to_numpy(), MIN_PX * width / OF_WIDTH)
+    tracked, met = np.isfinite(xy_px[:, 0]), _met(xy_px, marks, width)
     free, absent, held = (marks["state"].to_numpy() == state for state in ("free", "out", "held"))
     return {
         "free": int(free.sum()),

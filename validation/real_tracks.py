@@ -2,7 +2,9 @@
 
 ``python -m validation.real_tracks [--split open] [--sheets FOLDER]`` needs the recordings in ``../shared/data``. Each
 clip runs in a separate process and ``--seconds`` of processor time. With ``--sheets`` it writes a contact sheet of each
-clip with the tracks and the marks drawn in.
+clip with the tracks and the marks drawn in. With ``--clicks 2`` a person who looks at the overlay is simulated: as long
+as bodies are not followed, the person shows them in a marked frame in which they are wrong (``--mark``, a click a body,
+in the middle one of those frames), and they are tracked again. Marks that were clicked on do not count in the score.
 """
 
 from __future__ import annotations
@@ -26,23 +28,24 @@ from numpy.typing import NDArray
 from iris_sysid.errors import IrisError
 from iris_sysid.pipeline.one_clip import track
 from iris_sysid.report.overlay import draw_body
-from iris_sysid.types import Frame, FrameSource, Track, TrackOptions
+from iris_sysid.types import Frame, FrameSource, Track, TrackMark, TrackOptions
 from iris_sysid.video.reader import open_video
 from validation import pages
-from validation.real_marks import MarkedClip, Score, marked_clips, score
+from validation.real_marks import MarkedClip, Score, marked_clips, missed, score
 
 COLUMNS, ROWS, WIDTH = 5, 5, 400  # images of a contact sheet, and their width in px
 COLOURS = ((60, 220, 60), (60, 60, 240), (240, 160, 40))
 MARK_COLOUR = (255, 0, 255)
-HEADER = """| clip | split | bodies | on the body | missing | elsewhere | tracked out of view | verdict | s | frames/s |
-|---|---|---:|---:|---:|---:|---:|---|---:|---:|"""
+HEADER = """| clip | split | bodies | on the body | missing | elsewhere | out of view | clicks | verdict | s | fps |
+|---|---|---:|---:|---:|---:|---:|---:|---|---:|---:|"""
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
     """What became of a clip: ``verdict`` is good, doubtful or refused, ``reason`` says why it is not good.
 
-    ``score`` is None where there is no track; ``seconds`` of processor time and ``frames`` are those of tracking.
+    ``score`` is None where there is no track; ``seconds`` of processor time and ``frames`` are those of tracking;
+    ``clicks`` were made before, ``more`` are what a person would show who sees it.
     """
 
     clip: MarkedClip
@@ -51,6 +54,8 @@ class Outcome:
     score: Score | None = None
     frames: int = 0
     seconds: float = 0.0
+    clicks: tuple[TrackMark, ...] = ()
+    more: tuple[TrackMark, ...] = ()
 
     @property
     def followed(self) -> bool:
@@ -63,27 +68,56 @@ class Outcome:
         return self.verdict == "good" and self.score is not None and self.score.wrong
 
 
-def outcome(clip: MarkedClip, sheets: Path | None) -> Outcome:
-    """Track one clip in this process; a clip that is refused is an outcome as well."""
-    began = time.process_time()
+def outcome(clip: MarkedClip, sheets: Path | None = None, made: tuple[TrackMark, ...] = ()) -> Outcome:
+    """Track one clip in this process, with some clicks; a clip that is refused is an outcome as well."""
+    began, marks = time.process_time(), clip.marks()
+    known = {(mark.frame, mark.body) for mark in made}
+    counted = np.array([(row.frame, str(row.body)) not in known for row in marks.itertuples()])
     try:
         video = open_video(clip.path)
-        tracks = track(video, options=TrackOptions(bodies=clip.bodies))
+        tracks = track(video, options=TrackOptions(bodies=clip.bodies, marks=made))
     except IrisError as error:
-        return Outcome(clip, "refused", str(error), seconds=time.process_time() - began)
-    seconds, marks = time.process_time() - began, clip.marks()
+        nothing = shown(counted & missed((), marks, 0), marks)
+        return Outcome(clip, "refused", str(error), seconds=time.process_time() - began, clicks=made, more=nothing)
+    seconds = time.process_time() - began
     if sheets is not None:
         sheets.mkdir(parents=True, exist_ok=True)
         cv2.imwrite(str(sheets / f"{clip.name}.jpg"), sheet(video, tracks, marks))
     doubts = dict.fromkeys(doubt.text for body in tracks if body.quality for doubt in body.quality.doubts)
-    result = score(tracks, marks, video.width)
-    return Outcome(clip, "doubtful" if doubts else "good", "; ".join(doubts), result, len(tracks[0].t_s), seconds)
+    return Outcome(
+        clip,
+        "doubtful" if doubts else "good",
+        "; ".join(doubts),
+        score(tracks, marks[counted], video.width),
+        len(tracks[0].t_s),
+        seconds,
+        made,
+        shown(counted & missed(tracks, marks, video.width), marks),
+    )
 
 
-def within(clip: MarkedClip, sheets: Path | None, seconds: int) -> Outcome:
+def shown(wrong: NDArray[np.bool_], marks: pd.DataFrame) -> tuple[TrackMark, ...]:
+    """What a person shows who sees that the marks (n,) ``wrong`` are missed: all free bodies in the middle frame."""
+    frames = np.unique(marks.loc[wrong, "frame"])
+    if not len(frames):
+        return ()
+    here = marks[(marks["frame"] == frames[len(frames) // 2]) & (marks["state"] == "free")]
+    return tuple(TrackMark(str(row.body), row.x_px, row.y_px, row.frame) for row in here.itertuples())
+
+
+def outcomes(clip: MarkedClip, sheets: Path | None, clicks: int, seconds: int) -> Iterator[Outcome]:
+    """What becomes of a clip by itself, then after each frame in which a person shows its bodies."""
+    found = within(clip, sheets, (), seconds)
+    yield found
+    while clip.expect == "follow" and not found.followed and 0 < len(found.more) <= clicks - len(found.clicks):
+        found = within(clip, sheets, (*found.clicks, *found.more), seconds)
+        yield found
+
+
+def within(clip: MarkedClip, sheets: Path | None, made: tuple[TrackMark, ...], seconds: int) -> Outcome:
     """The outcome of a clip from a separate process, which may take so many seconds of processor time."""
     receiver, sender = multiprocessing.Pipe(duplex=False)
-    process = multiprocessing.get_context("spawn").Process(target=_send, args=(clip, sheets, seconds, sender))
+    process = multiprocessing.get_context("spawn").Process(target=_send, args=(clip, sheets, made, seconds, sender))
     process.start()
     sender.close()
     try:
@@ -98,10 +132,10 @@ def within(clip: MarkedClip, sheets: Path | None, seconds: int) -> Outcome:
     return result
 
 
-def _send(clip: MarkedClip, sheets: Path | None, seconds: int, pipe: Connection) -> None:
+def _send(clip: MarkedClip, sheets: Path | None, made: tuple[TrackMark, ...], seconds: int, pipe: Connection) -> None:
     warnings.simplefilter("ignore")
     resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 5))
-    pipe.send(outcome(clip, sheets))
+    pipe.send(outcome(clip, sheets, made))
 
 
 def sheet(video: FrameSource, tracks: Sequence[Track], marks: pd.DataFrame) -> NDArray[np.uint8]:
@@ -130,7 +164,7 @@ def _picture(frame: Frame, tracks: Sequence[Track], marks: pd.DataFrame) -> NDAr
 
 def row(result: Outcome) -> str:
     """One row of the table."""
-    clip, counts = result.clip, result.score
+    clip, counts, clicks = result.clip, result.score, str(len(result.clicks))
     shares = ["", "", "", ""]
     if counts is not None and counts.free:
         parts = (counts.on_body, counts.missing, counts.elsewhere)
@@ -139,7 +173,7 @@ def row(result: Outcome) -> str:
         shares[3] = f"{counts.tracked_absent} of {counts.absent}"
     rate = f"{result.frames / result.seconds:.0f}" if result.frames else ""
     verdict = result.verdict + (f": {result.reason.replace('|', '/')}" if result.reason else "")
-    cells = (clip.name, clip.split, str(clip.bodies), *shares, verdict, f"{result.seconds:.1f}", rate)
+    cells = (clip.name, clip.split, str(clip.bodies), *shares, clicks, verdict, f"{result.seconds:.1f}", rate)
     return f"| {' | '.join(cells)} |"
 
 
@@ -173,18 +207,27 @@ def main() -> None:
     parser.add_argument("--split", choices=("open", "sealed"), default="", help="only clips of this split")
     parser.add_argument("--seconds", type=int, default=300, help="processor time that a clip may take")
     parser.add_argument("--sheets", type=Path, help="folder for contact sheets")
+    parser.add_argument("--clicks", type=int, default=0, help="that a simulated person may make on a clip")
     parser.add_argument("--only", default="", help="only clips whose name contains this")
     pages.add_option(parser)
     options = parser.parse_args()
     with pages.table("real-tracks", options.write_docs):
         print(HEADER)
-        results = []
+        first, last = [], []
         for clip in marked_clips(options.split, options.only):
-            results.append(within(clip, options.sheets, options.seconds))
-            print(row(results[-1]), flush=True)
+            found = []
+            for result in outcomes(clip, options.sheets, options.clicks, options.seconds):
+                print(row(result), flush=True)
+                found.append(result)
+            first.append(found[0])
+            last.append(found[-1])
         print()
-        for split in dict.fromkeys(result.clip.split for result in results):
-            print("\n\n".join(totals([result for result in results if result.clip.split == split], split)) + "\n")
+        for split in dict.fromkeys(result.clip.split for result in first):
+            print("\n\n".join(totals([result for result in first if result.clip.split == split], split)) + "\n")
+            if options.clicks:
+                asked = [result for result in last if result.clip.split == split and result.clip.expect == "follow"]
+                followed = [result for result in asked if result.followed]
+                print(f"{split}: with at most {options.clicks} clicks {_of(followed, asked)} clips.\n")
 
 
 if __name__ == "__main__":

@@ -59,23 +59,31 @@ class Appearance:
 
     def score_map(self, image: Bytes) -> Image:
         """How much the surroundings of each pixel look like the body, (h, w)."""
-        ratio = self.of_pixels(image)
-        side = max(3, 2 * round(0.8 * self.radius) + 1)
-        wide = max(side + 4, 2 * round(SURROUNDINGS * self.radius) + 1)
-        inner = cv2.blur(ratio, (side, side), borderType=cv2.BORDER_REPLICATE)
-        outer = cv2.blur(ratio, (wide, wide), borderType=cv2.BORDER_REPLICATE)
-        ring = (outer * wide**2 - inner * side**2) / (wide**2 - side**2)
+        inner, ring = at_and_around(self.of_pixels(image), self.radius)
         return np.asarray(inner - SURROUND_WEIGHT * np.maximum(ring, -1.0), dtype=np.float32)
 
     def peaks(self, image: Bytes, least: float = MIN_SCORE, most: int = MAX_PEAKS) -> Peaks:
         """The best places of a search image, the best first."""
-        score = self.score_map(image)
-        reach = max(3, 2 * round(0.8 * self.radius) + 1)
-        top = cv2.dilate(score, np.ones((reach, reach), np.uint8))
-        rows, columns = np.nonzero((score >= top) & (score > least))
-        values = score[rows, columns]
-        best = np.argsort(-values, kind="stable")[:most]
-        return Peaks(np.column_stack([columns[best], rows[best]]).astype(np.float64), values[best].astype(np.float64))
+        return peaks_of(self.score_map(image), self.radius, least, most)
+
+
+def at_and_around(values: Image, radius: float) -> tuple[Image, Image]:
+    """Means of values (h, w) over a body of that radius, px, centred on each pixel, and over what is about it."""
+    side = max(3, 2 * round(0.8 * radius) + 1)
+    wide = max(side + 4, 2 * round(SURROUNDINGS * radius) + 1)
+    inner = cv2.blur(values, (side, side), borderType=cv2.BORDER_REPLICATE)
+    outer = cv2.blur(values, (wide, wide), borderType=cv2.BORDER_REPLICATE)
+    return inner, (outer * wide**2 - inner * side**2) / (wide**2 - side**2)
+
+
+def peaks_of(score: Image, radius: float, least: float, most: int = MAX_PEAKS) -> Peaks:
+    """The best places of scores (h, w) above the ``least``, a body of that radius, px, apart; the best first."""
+    reach = max(3, 2 * round(0.8 * radius) + 1)
+    top = cv2.dilate(score, np.ones((reach, reach), np.uint8))
+    rows, columns = np.nonzero((score >= top) & (score > least))
+    values = score[rows, columns]
+    best = np.argsort(-values, kind="stable")[:most]
+    return Peaks(np.column_stack([columns[best], rows[best]]).astype(np.float64), values[best].astype(np.float64))
 
 
 def _bins(image: Bytes) -> NDArray[np.int32]:

@@ -16,6 +16,8 @@ STEP = 0.3  # cost of a step as long as the reach
 MAX_STEP_COST = 4.0  # largest cost of a step, however far
 RESTART = 2.0  # cost of going on after a longer gap: three frames that clearly show the body outweigh it
 MARKED = 1000.0  # gain of a place at a mark
+CLEAR = 1.3  # times the score of any other place: a frame that leaves no doubt where the body is
+MIN_STEPS, LARGE = 3, 0.9  # between such frames, which tell how far it goes: their quantile
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -28,6 +30,14 @@ class Steps:
         """Costs (k, l) of going from places (k, 2) to places (l, 2) in that number of frames."""
         apart = np.linalg.norm(after[np.newaxis] - before[:, np.newaxis], axis=2)
         return np.minimum(MAX_STEP_COST, STEP * (apart / (self.reach * frames)) ** 2)
+
+
+def usual_reach(candidates: Sequence[Peaks]) -> float:
+    """How far, px, a body goes in a frame, by neighbouring frames that leave no doubt where it is; 0 by too few."""
+    clear = [len(each.score) > 0 and bool(each.score[0] > CLEAR * each.score[1:2].sum()) for each in candidates]
+    pairs = [(k, k + 1) for k in range(len(candidates) - 1) if clear[k] and clear[k + 1]]
+    steps = [float(np.hypot(*(candidates[after].xy[0] - candidates[before].xy[0]))) for before, after in pairs]
+    return float(np.quantile(steps, LARGE)) if len(steps) >= MIN_STEPS else 0.0
 
 
 def best_path(candidates: Sequence[Peaks], reach: float) -> list[int | None]:

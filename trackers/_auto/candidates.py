@@ -5,14 +5,17 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
+import cv2
 import numpy as np
 
 from iris_sysid.errors import DataError
 from iris_sysid.types import Array, FrameSource, Track, TrackMark, TrackOptions
-from trackers._auto.appearance import learn, search_image
+from trackers._auto.appearance import search_image
+from trackers._auto.body_looks import BodyLooks
 from trackers._auto.follow_appearance import Body, follow_appearance
-from trackers._auto.scene import SampledScene
+from trackers._auto.scene import Place, SampledScene
 from trackers._auto.survey import WEIGHTS, ObjectClass
 from trackers._frames.arrays import Bytes
 from trackers._frames.working_image import WorkingView
@@ -20,6 +23,8 @@ from trackers._frames.working_image import WorkingView
 LEARNED = 0.8  # of the inscribed radius at the size of the search, which includes the blurred outline
 MAX_MARKED_RADIUS = 0.25  # of the smaller side of the image: the radius of a marked body
 GROWTH = 1.12  # ratio of the radii that are tried
+SMALLEST = 2.0  # px of the search image: the smallest radius
+DISTINCT = (2.0, 2.0)  # times what is usual about it, and grey levels: less of a difference is none of the body
 CLICKED = 2.0  # px of the search image: pixels round a click that are surely of the body
 LED = "marks"  # the way whose paths are bound to the marks
 
@@ -38,7 +43,7 @@ class TrackingStrategy:
 
 def ways_by_looks(video: FrameSource, scene: SampledScene, options: TrackOptions) -> list[TrackingStrategy]:
     """Following the likeliest objects that move, by appearance: as many of each kind as are seen at once."""
-    bodies = [body for kind in scene.kinds for body in [body_like(kind, scene.images)] * _count(kind)]
+    bodies = [body for kind in scene.kinds for body in [body_like(kind, scene)] * _count(kind)]
     ways = []
     for start in range(max(1, len(bodies) - options.bodies + 1)):
         chosen = bodies[start : start + options.bodies]
@@ -61,19 +66,21 @@ def _count(kind: ObjectClass) -> int:
     return max(1, round(len(kind.seen) / len(kind.samples)))
 
 
-def body_like(kind: ObjectClass, images: Sequence[Bytes]) -> Body:
-    """A body that looks like the objects of a kind, seen in the search images (h, w, 3) of a scene."""
-    of_sample: dict[int, tuple[float, float]] = {sighting.sample: (sighting.x, sighting.y) for sighting in kind.seen}
-    radius = max(1.5, LEARNED * float(kind.typical("inscribed")))
-    return Body("1", learn(images, [of_sample.get(k) for k in range(len(images))], radius), {})
+def body_like(kind: ObjectClass, scene: SampledScene) -> Body:
+    """A body that looks like the objects of a kind, seen in the samples of a scene."""
+    of_sample: dict[int, Place] = {sighting.sample: (sighting.x, sighting.y) for sighting in kind.seen}
+    radius = max(SMALLEST, LEARNED * float(kind.typical("inscribed")))
+    shown = [scene.images[k] for k in of_sample]
+    return Body("1", BodyLooks.learned(shown, list(of_sample.values()), radius, scene.still), {})
 
 
-def way_by_marks(video: FrameSource, view: WorkingView, options: TrackOptions) -> TrackingStrategy:
+def way_by_marks(video: FrameSource, scene: SampledScene, options: TrackOptions) -> TrackingStrategy:
     """Following the bodies at the marks; DataError when not every body is marked, or a mark is not in the clip."""
     marks = marks_by_body(options.marks)
     if len(marks) < options.bodies:
         raise DataError(f"{options.bodies} bodies were requested, but {len(marks)} are marked; mark each, or none")
-    return TrackingStrategy(LED, lambda: follow_appearance(video, view, _marked_bodies(video, view, marks), options))
+    bodies = partial(_marked_bodies, video, scene, marks)
+    return TrackingStrategy(LED, lambda: follow_appearance(video, scene.view, bodies(), options))
 
 
 def marks_by_body(marks: Sequence[TrackMark]) -> dict[str, list[TrackMark]]:
@@ -94,30 +101,52 @@ def check_marks(marks: Sequence[TrackMark], frames: Collection[int], size: tuple
             raise DataError(f"the mark {mark.body}={mark.x_px:g},{mark.y_px:g}@{mark.frame} does not lie in the image")
 
 
-def _marked_bodies(video: FrameSource, view: WorkingView, marks: dict[str, list[TrackMark]]) -> list[Body]:
+def _marked_bodies(video: FrameSource, scene: SampledScene, marks: dict[str, list[TrackMark]]) -> list[Body]:
     """The bodies at the marks, learned from the marked frames."""
     wanted = {mark.frame for of_body in marks.values() for mark in of_body}
     images: dict[int, Bytes] = {}
     for frame in video.frames():
         if frame.index in wanted:
-            images[frame.index] = search_image(view, frame)
+            images[frame.index] = search_image(scene.view, frame)
         if len(images) == len(wanted):
             break
     check_marks([mark for of_body in marks.values() for mark in of_body], images, (video.width, video.height))
-    return [_marked_body(view, name, of_body, images) for name, of_body in marks.items()]
+    return [_marked_body(scene, name, of_body, images) for name, of_body in marks.items()]
 
 
-def _marked_body(view: WorkingView, name: str, marks: Sequence[TrackMark], images: dict[int, Bytes]) -> Body:
-    """The body at some marks: its colour is that at the marks, its size where the colour ends."""
-    places = [view.in_search(mark.x_px, mark.y_px) for mark in marks]
+def _marked_body(scene: SampledScene, name: str, marks: Sequence[TrackMark], images: dict[int, Bytes]) -> Body:
+    """The body at some marks: its looks are those at the marks, its size that of what moves there."""
+    places = [scene.view.in_search(mark.x_px, mark.y_px) for mark in marks]
     shown = [images[mark.frame] for mark in marks]
-    radius = float(np.median([radius_at(image, place) for image, place in zip(shown, places, strict=True)]))
+    radii = [size_at(image, place, scene.images) for image, place in zip(shown, places, strict=True)]
     known = {mark.frame: (mark.x_px, mark.y_px) for mark in marks}
-    return Body(name, learn(shown, places, radius), known)
+    return Body(name, BodyLooks.learned(shown, places, float(np.median(radii)), scene.still), known)
+
+
+def size_at(image: Bytes, place: Place, samples: Sequence[Bytes]) -> float:
+    """Radius in px of the object at a place of a search image (h, w, 3), by where it differs from most ``samples``.
+
+    Its region is where the difference is more than half of that at the place; of a long one the radius is the mean of
+    that of its area and the inscribed one. Where the body rests in most samples, its colour tells its size.
+    """
+    reach, (x, y) = int(MAX_MARKED_RADIUS * min(image.shape[:2])), (round(c) for c in place)
+    left, top = max(0, x - reach), max(0, y - reach)
+    window = (slice(top, y + reach + 1), slice(left, x + reach + 1))
+    here = image[window].astype(np.float32)
+    apart = [cv2.blur(np.linalg.norm(here - sample[window], axis=2), (3, 3)) for sample in samples]
+    difference = np.median(apart, axis=0)
+    usual, at = float(np.median(difference)), (y - top, x - left)
+    if difference[at] < DISTINCT[0] * usual + DISTINCT[1]:
+        return radius_at(image, place)
+    _, labels = cv2.connectedComponents((difference > (usual + difference[at]) / 2).astype(np.uint8), connectivity=4)
+    region = (labels == labels[at]).astype(np.uint8)
+    framed = cv2.copyMakeBorder(region, 1, 1, 1, 1, cv2.BORDER_CONSTANT)
+    inscribed = float(cv2.distanceTransform(framed, cv2.DIST_L2, 5).max())
+    return max(SMALLEST, float(np.sqrt(np.sqrt(np.count_nonzero(region) / np.pi) * inscribed)))
 
 
 def radius_at(image: Bytes, place: tuple[float, float]) -> float:
-    """Radius in px of the object at a place of a search image (h, w, 3): where its colour changes most."""
+    """The same by colour alone: where it changes most."""
     rows, columns = np.ogrid[: image.shape[0], : image.shape[1]]
     distance: Array = np.hypot(columns - place[0], rows - place[1])
     largest = MAX_MARKED_RADIUS * min(image.shape[:2])
@@ -126,7 +155,7 @@ def radius_at(image: Bytes, place: tuple[float, float]) -> float:
     colour = np.median(colours[away <= CLICKED], axis=0)
     off = np.linalg.norm((colours - colour) * WEIGHTS, axis=1)
     best, radius = -np.inf, 3.0
-    tried = 2.0
+    tried = SMALLEST
     while tried <= largest:
         step = _mean(off[(away > tried) & (away <= 1.4 * tried + 1)]) - _mean(off[away <= tried])
         if step > best:

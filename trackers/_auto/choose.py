@@ -15,7 +15,7 @@ from trackers._auto.fill_gaps import with_gaps_filled, with_marks
 from trackers._auto.sampled_once import SampledOnce
 from trackers._auto.scene import SampledScene
 from trackers._auto.verdict import PROBABILITY, judged, largest_probability
-from trackers._auto.verdict_weights import DOUBTFUL, SURE
+from trackers._auto.verdict_weights import SURE
 from trackers._frames.working_image import view_of
 from trackers._linking.moving_bodies import MovingBodies, follow, is_apart, is_marked
 from trackers._tracklets.frame_to_frame import Tracklet
@@ -23,6 +23,7 @@ from trackers._tracklets.frame_to_frame import Tracklet
 SAMPLES = 40  # as many as the background is made of
 MAX_BODIES = 3  # more bodies are too alike to be followed by appearance
 MAX_WAYS, NEXT = 3, 2  # ways by appearance; further objects that move before the still background
+LIKELY = 0.5  # probability of a candidate that is rather right than wrong
 SAME = 0.5  # of the common frames: two tracks that are in one place more often are of one body
 FIRST = "median-background"
 
@@ -111,14 +112,14 @@ def probability(candidate: TrackCandidate) -> float:
 
 
 def contradicted(candidate: TrackCandidate, others: Sequence[TrackCandidate]) -> bool:
-    """Whether marks lead a candidate elsewhere than a good one goes that passes them without being led.
+    """Whether marks lead a candidate elsewhere than a likely one goes that passes them without being led.
 
     A path that marks lead passes them whatever it is on otherwise, so that passing them is not evidence for it.
     """
-    good = [other for other in others if other.name != LED and probability(other) >= DOUBTFUL]
+    likely = [other for other in others if other.name != LED and probability(other) > LIKELY]
     apart = [
         two_on_one(same, [track]) < SAME
-        for other in good
+        for other in likely
         for track in candidate.tracks
         for same in other.tracks
         if same.body == track.body
@@ -161,7 +162,7 @@ def _ways(choice: TrackerSelection) -> Iterator[TrackingStrategy]:
     if options.mask is not None or (options.bodies > MAX_BODIES and not options.marks):
         return
     if options.marks:
-        yield way_by_marks(video, scene.view, options)
+        yield way_by_marks(video, scene, options)
         yield TrackingStrategy("path-at-marks", choice.at_marks)
     if _has_gaps(choice.candidates[-1]):
         yield choice.filled(choice.candidates[-1])

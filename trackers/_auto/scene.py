@@ -34,6 +34,11 @@ class SampledScene:
         return [search_image(self.view, frame) for frame in self.frames]
 
     @property
+    def still(self) -> Image:
+        """The samples (h, w, 3) without what moves."""
+        return self._survey[0]
+
+    @property
     def foregrounds(self) -> list[list[Blob]]:
         """What differs from the still background in each sample."""
         return self._survey[1]

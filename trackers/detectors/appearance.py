@@ -36,7 +36,7 @@ def detect(video: FrameSource, options: TrackOptions) -> Detections:
         When the options do not fit the clip.
     """
     scene = SampledScene(view_of(video, options), video.sample(SAMPLES))
-    bodies = [body_like(kind, scene.images) for kind in scene.kinds[: options.bodies + MAX_KINDS]]
+    bodies = [body_like(kind, scene) for kind in scene.kinds[: options.bodies + MAX_KINDS]]
     if not bodies:
         raise TrackingError("nothing moves in sampled frames whose appearance could be learnt; try the detector disc")
     table = DetectionRows(DETECTOR.name, (video.width, video.height))
@@ -44,8 +44,8 @@ def detect(video: FrameSource, options: TrackOptions) -> Detections:
         table.begin(frame.index, frame.t_s)
         image = search_image(scene.view, frame)
         for number, body in enumerate(bodies):
-            found = body.appearance.peaks(image)
-            radius = body.appearance.radius * scene.view.step
+            found = body.looks.colours.peaks(image)
+            radius = body.looks.radius * scene.view.step
             for (x, y), score in zip(found.xy, found.score, strict=True):
                 evidence = {
                     "likeness": float(score),
