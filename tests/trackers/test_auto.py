@@ -12,7 +12,7 @@ from tests import _phone_clips as phone
 from tests._drawn import DrawnClip, disc, moving_disc, noisy, paint, swing
 from trackers._auto.appearance import Peaks
 from trackers._auto.best_path import best_path
-from trackers._auto.candidates import TrackingStrategy, radius_at
+from trackers._auto.candidates import TrackingStrategy
 from trackers._auto.choose import TrackerSelection, contradicted
 from trackers._auto.evidence import (
     Patches,
@@ -24,6 +24,7 @@ from trackers._auto.evidence import (
     two_on_one,
 )
 from trackers._auto.known_looks import is_scenery
+from trackers._auto.marked_size import radius_by_colour
 from trackers._auto.scene import SampledScene
 from trackers._auto.survey import looks_like_shadow
 from trackers._auto.verdict import OFF, PROBABILITY, WORDS, judged, probability_of
@@ -199,6 +200,12 @@ def test_fewer_marked_bodies_than_asked_for_are_refused():
     clip = moving_disc(swing(20, (64, 48), (35, 20)), 9)
     with pytest.raises(DataError, match="2 bodies were requested, but 1 are marked"):
         AUTO.track(clip, TrackOptions(bodies=2, marks=(TrackMark("1", 10.0, 90.0, 3),)))
+
+
+def test_mark_outside_of_the_region_is_refused():
+    clip = moving_disc(swing(20, (64, 48), (35, 20)), 9)
+    with pytest.raises(DataError, match=r"the mark 1=120,90@3 does not lie in the region x=0\.\.110, y=0\.\.80"):
+        AUTO.track(clip, TrackOptions(roi=(0, 0, 110, 80), marks=(TrackMark("1", 120.0, 90.0, 3),)))
 
 
 def test_all_candidates_are_handed_to_who_wants_them_explained():
@@ -408,7 +415,7 @@ def test_best_path_goes_on_behind_a_bar_and_not_to_what_is_far_off():
 def test_radius_of_what_is_marked_is_where_its_colour_ends(radius):
     wall = np.ones((120, 160, 3)) * (90.0, 130.0, 120.0)
     (image,) = noisy([paint(wall, disc((120, 160), 70, 60, radius), (90.0, 190.0, 100.0))], 2.0)
-    assert radius_at(image, (71.0, 61.0)) == pytest.approx(radius, rel=0.25)
+    assert radius_by_colour(image, (71.0, 61.0)) == pytest.approx(radius, rel=0.25)
 
 
 def test_things_that_move_are_sorted_by_colour_and_size_and_the_ball_is_the_likeliest_body():

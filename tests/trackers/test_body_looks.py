@@ -5,7 +5,7 @@ import pytest
 
 from tests._drawn import disc, noisy, paint
 from trackers._auto.body_looks import BodyLooks
-from trackers._auto.candidates import size_at
+from trackers._auto.marked_size import size_at
 
 SHAPE, WALL, RED, RADIUS = (120, 160), (90.0, 130.0, 120.0), (110.0, 170.0, 110.0), 7.0
 PATH = np.column_stack([np.linspace(20, 140, 13), 60 + 25 * np.sin(np.arange(13) / 2)])

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from trackers._auto.appearance import Appearance, Peaks, at_and_around, learn, peaks_of
+from trackers._auto.appearance import Appearance, Peaks, at_and_around, learn, peaks_of, score_at
 from trackers._auto.scene import Place
 from trackers._frames.arrays import Bytes, Image
 
@@ -41,13 +41,12 @@ class BodyLooks:
     @classmethod
     def learned(cls, images: Sequence[Bytes], places: Sequence[Place], radius: float, still: Image) -> BodyLooks:
         """Those of a body of that radius, px, at places (x, y) in search images (h, w, 3); ``still`` is the scene."""
-        colours = learn(images, places, radius)
-        shown = [_patch(image, place, radius) for image, place in zip(images, places, strict=True)]
+        colours, known = learn(images, places, radius), list(zip(images, places, strict=True))
+        shown = [_patch(image, place, radius) for image, place in known]
         patches = [patch for patch in shown if patch is not None]
         chosen = np.unique(np.linspace(0, max(len(patches) - 1, 0), 2 * PATCHES + 1).astype(int)[1::2])
-        at = [(round(y), round(x)) for x, y in places]
-        colour = [float(colours.score_map(image)[place]) for image, place in zip(images, at, strict=True)]
-        motion = [float(_motion(image, still, radius)[place]) for image, place in zip(images, at, strict=True)]
+        colour = [score_at(colours.score_map(image), place) for image, place in known]
+        motion = [score_at(_motion(image, still, radius), place) for image, place in known]
         return cls(
             colours,
             tuple(patches[k] for k in chosen[: len(patches)]),

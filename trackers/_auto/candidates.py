@@ -7,25 +7,20 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
-import cv2
 import numpy as np
 
 from iris_sysid.errors import DataError
-from iris_sysid.types import Array, FrameSource, Track, TrackMark, TrackOptions
+from iris_sysid.types import FrameSource, Track, TrackMark, TrackOptions
 from trackers._auto.appearance import search_image
 from trackers._auto.body_looks import BodyLooks
 from trackers._auto.follow_appearance import Body, follow_appearance
+from trackers._auto.marked_size import SMALLEST, size_at
 from trackers._auto.scene import Place, SampledScene
-from trackers._auto.survey import WEIGHTS, ObjectClass
+from trackers._auto.survey import ObjectClass
 from trackers._frames.arrays import Bytes
 from trackers._frames.working_image import WorkingView
 
 LEARNED = 0.8  # of the inscribed radius at the size of the search, which includes the blurred outline
-MAX_MARKED_RADIUS = 0.25  # of the smaller side of the image: the radius of a marked body
-GROWTH = 1.12  # ratio of the radii that are tried
-SMALLEST = 2.0  # px of the search image: the smallest radius
-DISTINCT = (2.0, 2.0)  # times what is usual about it, and grey levels: less of a difference is none of the body
-CLICKED = 2.0  # px of the search image: pixels round a click that are surely of the body
 LED = "marks"  # the way whose paths are bound to the marks
 
 
@@ -79,6 +74,11 @@ def way_by_marks(video: FrameSource, scene: SampledScene, options: TrackOptions)
     marks = marks_by_body(options.marks)
     if len(marks) < options.bodies:
         raise DataError(f"{options.bodies} bodies were requested, but {len(marks)} are marked; mark each, or none")
+    left, top, right, bottom = scene.view.box
+    for mark in options.marks:
+        if not (left <= mark.x_px < right and top <= mark.y_px < bottom):
+            place = f"{mark.body}={mark.x_px:g},{mark.y_px:g}@{mark.frame}"
+            raise DataError(f"the mark {place} does not lie in the region x={left}..{right}, y={top}..{bottom}")
     bodies = partial(_marked_bodies, video, scene, marks)
     return TrackingStrategy(LED, lambda: follow_appearance(video, scene.view, bodies(), options))
 
@@ -121,48 +121,3 @@ def _marked_body(scene: SampledScene, name: str, marks: Sequence[TrackMark], ima
     radii = [size_at(image, place, scene.images) for image, place in zip(shown, places, strict=True)]
     known = {mark.frame: (mark.x_px, mark.y_px) for mark in marks}
     return Body(name, BodyLooks.learned(shown, places, float(np.median(radii)), scene.still), known)
-
-
-def size_at(image: Bytes, place: Place, samples: Sequence[Bytes]) -> float:
-    """Radius in px of the object at a place of a search image (h, w, 3), by where it differs from most ``samples``.
-
-    Its region is where the difference is more than half of that at the place; of a long one the radius is the mean of
-    that of its area and the inscribed one. Where the body rests in most samples, its colour tells its size.
-    """
-    reach, (x, y) = int(MAX_MARKED_RADIUS * min(image.shape[:2])), (round(c) for c in place)
-    left, top = max(0, x - reach), max(0, y - reach)
-    window = (slice(top, y + reach + 1), slice(left, x + reach + 1))
-    here = image[window].astype(np.float32)
-    apart = [cv2.blur(np.linalg.norm(here - sample[window], axis=2), (3, 3)) for sample in samples]
-    difference = np.median(apart, axis=0)
-    usual, at = float(np.median(difference)), (y - top, x - left)
-    if difference[at] < DISTINCT[0] * usual + DISTINCT[1]:
-        return radius_at(image, place)
-    _, labels = cv2.connectedComponents((difference > (usual + difference[at]) / 2).astype(np.uint8), connectivity=4)
-    region = (labels == labels[at]).astype(np.uint8)
-    framed = cv2.copyMakeBorder(region, 1, 1, 1, 1, cv2.BORDER_CONSTANT)
-    inscribed = float(cv2.distanceTransform(framed, cv2.DIST_L2, 5).max())
-    return max(SMALLEST, float(np.sqrt(np.sqrt(np.count_nonzero(region) / np.pi) * inscribed)))
-
-
-def radius_at(image: Bytes, place: tuple[float, float]) -> float:
-    """The same by colour alone: where it changes most."""
-    rows, columns = np.ogrid[: image.shape[0], : image.shape[1]]
-    distance: Array = np.hypot(columns - place[0], rows - place[1])
-    largest = MAX_MARKED_RADIUS * min(image.shape[:2])
-    near = distance <= 2 * largest
-    colours, away = image[near].astype(np.float64), distance[near]
-    colour = np.median(colours[away <= CLICKED], axis=0)
-    off = np.linalg.norm((colours - colour) * WEIGHTS, axis=1)
-    best, radius = -np.inf, 3.0
-    tried = SMALLEST
-    while tried <= largest:
-        step = _mean(off[(away > tried) & (away <= 1.4 * tried + 1)]) - _mean(off[away <= tried])
-        if step > best:
-            best, radius = step, tried
-        tried *= GROWTH
-    return radius
-
-
-def _mean(values: Array) -> float:
-    return float(values.mean()) if values.size else 0.0
