@@ -16,7 +16,9 @@ import signal
 import time
 import warnings
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from multiprocessing.connection import Connection
 from pathlib import Path
 
@@ -105,13 +107,15 @@ def shown(wrong: NDArray[np.bool_], marks: pd.DataFrame) -> tuple[TrackMark, ...
     return tuple(TrackMark(str(row.body), row.x_px, row.y_px, row.frame) for row in here.itertuples())
 
 
-def outcomes(clip: MarkedClip, sheets: Path | None, clicks: int, seconds: int) -> Iterator[Outcome]:
+def outcomes(clip: MarkedClip, sheets: Path | None, clicks: int, seconds: int) -> list[Outcome]:
     """What becomes of a clip by itself, then after each frame in which a person shows its bodies."""
-    found = within(clip, sheets, (), seconds)
-    yield found
-    while clip.expect == "follow" and not found.followed and 0 < len(found.more) <= clicks - len(found.clicks):
-        found = within(clip, sheets, (*found.clicks, *found.more), seconds)
-        yield found
+    found = [within(clip, sheets, (), seconds)]
+    while clip.expect == "follow" and not found[-1].followed:
+        made = (*found[-1].clicks, *found[-1].more)
+        if not found[-1].more or len(made) > clicks:
+            break
+        found.append(within(clip, sheets, made, seconds))
+    return found
 
 
 def within(clip: MarkedClip, sheets: Path | None, made: tuple[TrackMark, ...], seconds: int) -> Outcome:
@@ -208,19 +212,19 @@ def main() -> None:
     parser.add_argument("--seconds", type=int, default=300, help="processor time that a clip may take")
     parser.add_argument("--sheets", type=Path, help="folder for contact sheets")
     parser.add_argument("--clicks", type=int, default=0, help="that a simulated person may make on a clip")
+    parser.add_argument("--workers", type=int, default=1, help="clips at a time")
     parser.add_argument("--only", default="", help="only clips whose name contains this")
     pages.add_option(parser)
     options = parser.parse_args()
     with pages.table("real-tracks", options.write_docs):
         print(HEADER)
         first, last = [], []
-        for clip in marked_clips(options.split, options.only):
-            found = []
-            for result in outcomes(clip, options.sheets, options.clicks, options.seconds):
-                print(row(result), flush=True)
-                found.append(result)
-            first.append(found[0])
-            last.append(found[-1])
+        each = partial(outcomes, sheets=options.sheets, clicks=options.clicks, seconds=options.seconds)
+        with ThreadPoolExecutor(options.workers) as pool:
+            for found in pool.map(each, marked_clips(options.split, options.only)):
+                print("\n".join(map(row, found)), flush=True)
+                first.append(found[0])
+                last.append(found[-1])
         print()
         for split in dict.fromkeys(result.clip.split for result in first):
             print("\n\n".join(totals([result for result in first if result.clip.split == split], split)) + "\n")
