@@ -38,12 +38,12 @@ class TrackingStrategy:
 
 def ways_by_looks(video: FrameSource, scene: SampledScene, options: TrackOptions) -> list[TrackingStrategy]:
     """Following the likeliest objects that move, by appearance: as many of each kind as are seen at once."""
-    bodies = [body for kind in scene.kinds for body in [body_like(kind, scene)] * _count(kind)]
+    kinds = [kind for kind in scene.kinds for _ in range(min(_count(kind), options.bodies))]
     ways = []
-    for start in range(max(1, len(bodies) - options.bodies + 1)):
-        chosen = bodies[start : start + options.bodies]
-        if len(chosen) == options.bodies:
-            named = [replace(body, name=str(k)) for k, body in enumerate(chosen, start=1)]
+    for start in range(max(1, len(kinds) - options.bodies + 1)):
+        bodies = [body_like(kind, scene) for kind in kinds[start : start + options.bodies]]
+        if len(bodies) == options.bodies:
+            named = [replace(body, name=str(k)) for k, body in enumerate(bodies, start=1)]
             ways.append(
                 TrackingStrategy(f"appearance-{start + 1}", _by_looks(video, scene.view, named, options), ("guessed",))
             )
