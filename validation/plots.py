@@ -66,9 +66,7 @@ PLOTS: Mapping[str, Plot] = {
     "torture": Plot(
         "torture-clips", ("clip", "harm"), ("refused", "whole", "silent loss", "said"), "damaged clips: what happened"
     ),
-    "tracking": Plot(
-        "real-tracks", ("clip",), ("on the body", "missing", "elsewhere"), "marks of sealed clips of others (%)"
-    ),
+    "tracking": Plot("real-tracks", (), ("result",), "clips of others", counted=True),
     "world": Plot("world-effects", (), ("verdict",), "recordings of others", counted=True),
 }
 

@@ -38,8 +38,8 @@ from validation.real_marks import MarkedClip, Score, marked_clips, missed, score
 COLUMNS, ROWS, WIDTH = 5, 5, 400  # images of a contact sheet, and their width in px
 COLOURS = ((60, 220, 60), (60, 60, 240), (240, 160, 40))
 MARK_COLOUR = (255, 0, 255)
-HEADER = """| clip | split | bodies | on the body | missing | elsewhere | out of view | clicks | verdict | s | fps |
-|---|---|---:|---:|---:|---:|---:|---:|---|---:|---:|"""
+HEADER = """| clip | split | bodies | on the body | missing | elsewhere | out of view | result | verdict | s | fps |
+|---|---|---:|---:|---:|---:|---:|---|---|---:|---:|"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,7 +168,7 @@ def _picture(frame: Frame, tracks: Sequence[Track], marks: pd.DataFrame) -> NDAr
 
 def row(result: Outcome) -> str:
     """One row of the table."""
-    clip, counts, clicks = result.clip, result.score, str(len(result.clicks))
+    clip, counts, clicks = result.clip, result.score, len(result.clicks)
     shares = ["", "", "", ""]
     if counts is not None and counts.free:
         parts = (counts.on_body, counts.missing, counts.elsewhere)
@@ -177,7 +177,10 @@ def row(result: Outcome) -> str:
         shares[3] = f"{counts.tracked_absent} of {counts.absent}"
     rate = f"{result.frames / result.seconds:.0f}" if result.frames else ""
     verdict = result.verdict + (f": {result.reason.replace('|', '/')}" if result.reason else "")
-    cells = (clip.name, clip.split, str(clip.bodies), *shares, clicks, verdict, f"{result.seconds:.1f}", rate)
+    what = f"{'' if result.followed else 'not '}followed" + (f", {clicks} click{'s' * (clicks > 1)}" if clicks else "")
+    if clip.expect == "refuse":
+        what = "no free body"
+    cells = (clip.name, clip.split, str(clip.bodies), *shares, what, verdict, f"{result.seconds:.1f}", rate)
     return f"| {' | '.join(cells)} |"
 
 
