@@ -12,9 +12,9 @@ import numpy as np
 from iris_sysid.errors import DataError
 from iris_sysid.types import FrameSource, Track, TrackMark, TrackOptions
 from trackers._auto.appearance import search_image
-from trackers._auto.body_looks import BodyLooks
+from trackers._auto.body_appearance import BodyAppearance
 from trackers._auto.follow_appearance import Body, follow_appearance
-from trackers._auto.marked_size import SMALLEST, size_at
+from trackers._auto.marked_size import MIN_RADIUS, size_at
 from trackers._auto.scene import Place, SampledScene
 from trackers._auto.survey import ObjectClass
 from trackers._frames.arrays import Bytes
@@ -64,9 +64,9 @@ def _count(kind: ObjectClass) -> int:
 def body_like(kind: ObjectClass, scene: SampledScene) -> Body:
     """A body that looks like the objects of a kind, seen in the samples of a scene."""
     of_sample: dict[int, Place] = {sighting.sample: (sighting.x, sighting.y) for sighting in kind.seen}
-    radius = max(SMALLEST, LEARNED * float(kind.typical("inscribed")))
+    radius = max(MIN_RADIUS, LEARNED * float(kind.typical("inscribed")))
     shown = [scene.images[k] for k in of_sample]
-    return Body("1", BodyLooks.learned(shown, list(of_sample.values()), radius, scene.still), {})
+    return Body("1", BodyAppearance.learned(shown, list(of_sample.values()), radius, scene.still), {})
 
 
 def way_by_marks(video: FrameSource, scene: SampledScene, options: TrackOptions) -> TrackingStrategy:
@@ -115,9 +115,9 @@ def _marked_bodies(video: FrameSource, scene: SampledScene, marks: dict[str, lis
 
 
 def _marked_body(scene: SampledScene, name: str, marks: Sequence[TrackMark], images: dict[int, Bytes]) -> Body:
-    """The body at some marks: its looks are those at the marks, its size that of what moves there."""
+    """The body at some marks: its appearance is that at the marks, its size that of the region that moves."""
     places = [scene.view.in_search(mark.x_px, mark.y_px) for mark in marks]
     shown = [images[mark.frame] for mark in marks]
     radii = [size_at(image, place, scene.images) for image, place in zip(shown, places, strict=True)]
     known = {mark.frame: (mark.x_px, mark.y_px) for mark in marks}
-    return Body(name, BodyLooks.learned(shown, places, float(np.median(radii)), scene.still), known)
+    return Body(name, BodyAppearance.learned(shown, places, float(np.median(radii)), scene.still), known)

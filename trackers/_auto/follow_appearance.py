@@ -15,7 +15,7 @@ from iris_sysid.errors import TrackingError
 from iris_sysid.types import Frame, FrameSource, Track, TrackOptions, part_of_progress, with_progress
 from trackers._auto.appearance import Appearance, Peaks, search_image
 from trackers._auto.best_path import best_path, bound_to_marks, usual_reach
-from trackers._auto.body_looks import BodyLooks
+from trackers._auto.body_appearance import BodyAppearance
 from trackers._detection.detect_frames import REPORT_EVERY
 from trackers._detection.detection import Detection, FrameDetections
 from trackers._detection.foreground import Blob, ConnectedComponent, blobs_of
@@ -36,10 +36,10 @@ ROUGH = 0.35  # of the radius: standard error of a position by appearance alone
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Body:
-    """One body to follow: name, looks, and where it is known to be, (x, y) px of the frame by frame number."""
+    """One body to follow: name, appearance, and where it is known to be, (x, y) px of the frame by frame number."""
 
     name: str
-    looks: BodyLooks
+    appearance: BodyAppearance
     marks: Mapping[int, tuple[float, float]]
 
 
@@ -72,7 +72,7 @@ def follow_appearance(
         image = search_image(view, frame)
         numbers.append(frame.index)
         for of_body, body in zip(peaks, bodies, strict=True):
-            of_body.append(body.looks.peaks(image))
+            of_body.append(body.appearance.peaks(image))
     paths = _paths(view, numbers, peaks, bodies)
     tracklets: list[list[Detection]] = [[] for _ in bodies]
     all_detections: list[FrameDetections] = []
@@ -81,8 +81,8 @@ def follow_appearance(
         image = search_image(view, frame)
         for body, path, detections in zip(bodies, paths, tracklets, strict=True):
             if k in path:
-                found = measured_at(view, frame, image, body.looks.colours, path[k])
-                detections += [found or roughly_at(view, frame, image, body.looks.colours, path[k])]
+                found = measured_at(view, frame, image, body.appearance.colours, path[k])
+                detections += [found or roughly_at(view, frame, image, body.appearance.colours, path[k])]
         all_detections.append(FrameDetections(frame.index, frame.t_s, (), ()))
     for body, detections in zip(bodies, tracklets, strict=True):
         if len(detections) < MIN_DETECTIONS:
@@ -106,8 +106,8 @@ def _paths(
     for candidates, body in zip(peaks, bodies, strict=True):
         free = [_without(places, [path[k] for path in paths if k in path], body) for k, places in enumerate(candidates)]
         known = {row_of[n]: view.in_search(*place) for n, place in body.marks.items() if n in row_of}
-        bound = bound_to_marks(free, known, max(body.looks.radius, 3.0))
-        reach = max(REACH_RADII * body.looks.radius, reach_image, usual_reach(free))
+        bound = bound_to_marks(free, known, max(body.appearance.radius, 3.0))
+        reach = max(REACH_RADII * body.appearance.radius, reach_image, usual_reach(free))
         chosen = best_path(bound, reach)
         paths.append({k: tuple(bound[k].xy[c]) for k, c in enumerate(chosen) if c is not None})
     return paths
@@ -117,7 +117,7 @@ def _without(places: Peaks, taken: Sequence[tuple[float, float]], body: Body) ->
     """The places that no other body has taken."""
     free = np.ones(len(places.score), dtype=np.bool_)
     for place in taken:
-        free &= np.hypot(*(places.xy - place).T) > APART * body.looks.radius
+        free &= np.hypot(*(places.xy - place).T) > APART * body.appearance.radius
     return places.where(free)
 
 

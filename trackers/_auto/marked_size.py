@@ -13,7 +13,7 @@ from trackers._auto.survey import WEIGHTS
 from trackers._frames.arrays import Bytes
 
 MAX_RADIUS = 0.25  # of the smaller side of the image
-SMALLEST = 2.0  # px of the search image: the smallest radius
+MIN_RADIUS = 2.0  # px of the search image
 DISTINCT = (2.0, 2.0)  # times what is usual about it, and grey levels: a smaller difference is none of the body
 CLICKED = 2.0  # px of the search image: pixels round a click that are surely of the body
 GROWTH = 1.12  # ratio of the radii that are tried
@@ -39,7 +39,7 @@ def size_at(image: Bytes, place: Place, samples: Sequence[Bytes]) -> float:
     region = (labels == labels[at]).astype(np.uint8)
     framed = cv2.copyMakeBorder(region, 1, 1, 1, 1, cv2.BORDER_CONSTANT)
     inscribed = float(cv2.distanceTransform(framed, cv2.DIST_L2, 5).max())
-    return max(SMALLEST, float(np.sqrt(np.sqrt(np.count_nonzero(region) / np.pi) * inscribed)))
+    return max(MIN_RADIUS, float(np.sqrt(np.sqrt(np.count_nonzero(region) / np.pi) * inscribed)))
 
 
 def radius_by_colour(image: Bytes, place: tuple[float, float]) -> float:
@@ -52,7 +52,7 @@ def radius_by_colour(image: Bytes, place: tuple[float, float]) -> float:
     colour = np.median(colours[away <= CLICKED], axis=0)
     off = np.linalg.norm((colours - colour) * WEIGHTS, axis=1)
     best, radius = -np.inf, 3.0
-    tried = SMALLEST
+    tried = MIN_RADIUS
     while tried <= largest:
         step = _mean(off[(away > tried) & (away <= 1.4 * tried + 1)]) - _mean(off[away <= tried])
         if step > best:

@@ -35,7 +35,7 @@ class SampledScene:
 
     @property
     def still(self) -> Image:
-        """The samples (h, w, 3) without what moves."""
+        """The scene (h, w, 3) without moving objects."""
         return self._survey[0]
 
     @property

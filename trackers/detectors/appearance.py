@@ -44,8 +44,8 @@ def detect(video: FrameSource, options: TrackOptions) -> Detections:
         table.begin(frame.index, frame.t_s)
         image = search_image(scene.view, frame)
         for number, body in enumerate(bodies):
-            found = body.looks.colours.peaks(image)
-            radius = body.looks.radius * scene.view.step
+            found = body.appearance.colours.peaks(image)
+            radius = body.appearance.radius * scene.view.step
             for (x, y), score in zip(found.xy, found.score, strict=True):
                 evidence = {
                     "likeness": float(score),

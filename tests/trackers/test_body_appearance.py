@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tests._drawn import disc, noisy, paint
-from trackers._auto.body_looks import BodyLooks
+from trackers._auto.body_appearance import BodyAppearance
 from trackers._auto.marked_size import size_at
 
 SHAPE, WALL, RED, RADIUS = (120, 160), (90.0, 130.0, 120.0), (110.0, 170.0, 110.0), 7.0
@@ -26,8 +26,8 @@ def filmed(wall, path=PATH, colour=RED, radius=RADIUS):
 
 def off(images, still, shown=6):
     """How far (n,) px the best place is off, with the body known in one image."""
-    looks = BodyLooks.learned([images[shown]], [tuple(PATH[shown])], RADIUS, still)
-    best = np.array([looks.peaks(image).xy[0] for image in images])
+    known = BodyAppearance.learned([images[shown]], [tuple(PATH[shown])], RADIUS, still)
+    best = np.array([known.peaks(image).xy[0] for image in images])
     return np.hypot(*(best - PATH).T)
 
 
@@ -64,9 +64,9 @@ def test_motion_of_another_body_does_not_hide_one_that_is_known():
 def test_without_a_patch_in_the_image_colours_and_motion_are_enough():
     wall, at = scene(), (4.0, 60.0)
     (image,) = filmed(wall, [at])
-    looks = BodyLooks.learned([image], [at], RADIUS, wall)
-    assert not looks.patches
-    np.testing.assert_allclose(looks.peaks(image).xy[0], at, atol=RADIUS / 2)
+    known = BodyAppearance.learned([image], [at], RADIUS, wall)
+    assert not known.patches
+    np.testing.assert_allclose(known.peaks(image).xy[0], at, atol=RADIUS / 2)
 
 
 @pytest.mark.parametrize("radius", [3.0, 7.0, 15.0])

@@ -26,7 +26,7 @@ MIN_MOTION = 6.0  # grey levels: what a body that rests shows at least
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class BodyLooks:
+class BodyAppearance:
     """Colours of a body, patches (s, s) of its luma, the scene (h, w, 3) without it, and what it usually shows of each.
 
     All at the size of the search; ``usual_colour`` is a mean log ratio, ``usual_motion`` in grey levels.
@@ -39,7 +39,7 @@ class BodyLooks:
     usual_motion: float
 
     @classmethod
-    def learned(cls, images: Sequence[Bytes], places: Sequence[Place], radius: float, still: Image) -> BodyLooks:
+    def learned(cls, images: Sequence[Bytes], places: Sequence[Place], radius: float, still: Image) -> BodyAppearance:
         """Those of a body of that radius, px, at places (x, y) in search images (h, w, 3); ``still`` is the scene."""
         colours, known = learn(images, places, radius), list(zip(images, places, strict=True))
         shown = [_patch(image, place, radius) for image, place in known]
