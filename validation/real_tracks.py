@@ -184,28 +184,34 @@ def row(result: Outcome) -> str:
     return f"| {' | '.join(cells)} |"
 
 
-def totals(results: Sequence[Outcome], split: str) -> Iterator[str]:
-    """The sums that count: clips followed, wrong tracks that nothing warns of, and clips refused or doubtful."""
-    free = [result for result in results if result.clip.expect == "follow"]
-    followed = [result for result in free if result.followed]
-    yield f"{split}: at least 95 % of the marks on the body in {_of(followed, free)} clips."
-    wrong = [result for result in results if result.wrong]
-    yield f"{split}: {_named(wrong)} wrong without being said to be doubtful."
+def totals(first: Sequence[Outcome], last: Sequence[Outcome], clicks: int) -> Iterator[str]:
+    """The sums that count: clips followed, wrong tracks that nothing warns of, and clips refused or doubtful.
+
+    Parameters
+    ----------
+    first, last
+        What became of some clips by themselves, and after the clicks.
+    clicks
+        How many a person might make.
+    """
+    free = [result for result in first if result.clip.expect == "follow"]
     doubted = [result for result in free if result.verdict != "good"]
-    needlessly = [result for result in doubted if result.followed]
-    yield f"{split}: {_of(doubted, free)} clips refused or doubtful; followed all the same: {_named(needlessly)}."
-    for result in results:
-        if result.clip.expect == "refuse":
-            yield f"{split}: {result.clip.name}, where no body is free: {'wrong' if result.wrong else 'right'}."
+    wrong = ", ".join(result.clip.name for result in first if result.wrong)
+    yield (
+        f"followed {_followed(free)} of {len(free)}; wrong without a warning: {wrong or 'none'}; "
+        f"refused or doubtful {len(doubted)}, of these followed {_followed(doubted)}"
+    )
+    yield from (
+        f"{result.clip.name}, without a free body: {'wrong' if result.wrong else 'right'}"
+        for result in first
+        if result.clip.expect == "refuse"
+    )
+    if clicks:
+        yield f"followed with at most {clicks} clicks {_followed(last)}"
 
 
-def _of(part: Sequence[Outcome], whole: Sequence[Outcome]) -> str:
-    return f"{len(part)} of {len(whole)} ({100 * len(part) / max(len(whole), 1):.0f} %)"
-
-
-def _named(results: Sequence[Outcome]) -> str:
-    names = ", ".join(result.clip.name for result in results)
-    return f"{len(results)} ({names})" if names else "none"
+def _followed(results: Sequence[Outcome]) -> int:
+    return sum(result.followed for result in results)
 
 
 def main() -> None:
@@ -230,11 +236,8 @@ def main() -> None:
                 last.append(found[-1])
         print()
         for split in dict.fromkeys(result.clip.split for result in first):
-            print("\n\n".join(totals([result for result in first if result.clip.split == split], split)) + "\n")
-            if options.clicks:
-                asked = [result for result in last if result.clip.split == split and result.clip.expect == "follow"]
-                followed = [result for result in asked if result.followed]
-                print(f"{split}: with at most {options.clicks} clicks {_of(followed, asked)} clips.\n")
+            found = [each for each in zip(first, last, strict=True) if each[0].clip.split == split]
+            print(f"{split}: {'; '.join(totals(*zip(*found, strict=True), options.clicks))}.\n")
 
 
 if __name__ == "__main__":
