@@ -18,7 +18,6 @@ from trackers._auto.marked_size import MIN_RADIUS, size_at
 from trackers._auto.scene import Place, SampledScene
 from trackers._auto.survey import ObjectClass
 from trackers._frames.arrays import Bytes
-from trackers._frames.working_image import WorkingView
 
 LEARNED = 0.8  # of the inscribed radius at the size of the search, which includes the blurred outline
 LED = "marks"  # the way whose paths are bound to the marks
@@ -39,21 +38,22 @@ class TrackingStrategy:
 def ways_by_looks(video: FrameSource, scene: SampledScene, options: TrackOptions) -> list[TrackingStrategy]:
     """Following the likeliest objects that move, by appearance: as many of each kind as are seen at once."""
     kinds = [kind for kind in scene.kinds for _ in range(min(_count(kind), options.bodies))]
-    ways = []
-    for start in range(max(1, len(kinds) - options.bodies + 1)):
-        bodies = [body_like(kind, scene) for kind in kinds[start : start + options.bodies]]
-        if len(bodies) == options.bodies:
-            named = [replace(body, name=str(k)) for k, body in enumerate(bodies, start=1)]
-            ways.append(
-                TrackingStrategy(f"appearance-{start + 1}", _by_looks(video, scene.view, named, options), ("guessed",))
-            )
-    return ways
+    return [
+        TrackingStrategy(
+            f"appearance-{start + 1}",
+            partial(_by_looks, video, scene, kinds[start : start + options.bodies], options),
+            ("guessed",),
+        )
+        for start in range(len(kinds) - options.bodies + 1)
+    ]
 
 
 def _by_looks(
-    video: FrameSource, view: WorkingView, bodies: Sequence[Body], options: TrackOptions
-) -> Callable[[], list[Track]]:
-    return lambda: follow_appearance(video, view, bodies, options)
+    video: FrameSource, scene: SampledScene, kinds: Sequence[ObjectClass], options: TrackOptions
+) -> list[Track]:
+    """The tracks of one body of each of the kinds."""
+    bodies = [replace(body_like(kind, scene), name=str(k)) for k, kind in enumerate(kinds, start=1)]
+    return follow_appearance(video, scene.view, bodies, options)
 
 
 def _count(kind: ObjectClass) -> int:
@@ -70,7 +70,7 @@ def body_like(kind: ObjectClass, scene: SampledScene) -> Body:
 
 
 def way_by_marks(video: FrameSource, scene: SampledScene, options: TrackOptions) -> TrackingStrategy:
-    """Following the bodies at the marks; DataError when not every body is marked, or a mark is not in the clip."""
+    """Following the bodies at the marks; DataError when not every body is, or a mark is not in the clip."""
     marks = marks_by_body(options.marks)
     if len(marks) < options.bodies:
         raise DataError(f"{options.bodies} bodies were requested, but {len(marks)} are marked; mark each, or none")
