@@ -24,6 +24,7 @@ SAMPLES = 40  # as many as the background is made of
 MAX_BODIES = 3  # more bodies are too alike to be followed by appearance
 MAX_WAYS, NEXT = 3, 2  # ways by appearance; further objects that move before the still background
 LIKELY = 0.5  # probability of a candidate that is rather right than wrong
+ALIKE = 0.02  # probabilities that differ by less say nothing of which is better
 SAME = 0.5  # of the common frames: two tracks that are in one place more often are of one body
 FIRST = "median-background"
 
@@ -111,6 +112,11 @@ def probability(candidate: TrackCandidate) -> float:
     )
 
 
+def found_share(candidate: TrackCandidate) -> float:
+    """The share of the frames in which the bodies are found; 0 where there is no track."""
+    return min((track.n_valid / track.valid.size for track in candidate.tracks), default=0.0)
+
+
 def contradicted(candidate: TrackCandidate, others: Sequence[TrackCandidate]) -> bool:
     """Whether marks lead a candidate elsewhere than a likely one goes that passes them without being led.
 
@@ -148,6 +154,9 @@ def choose(video: FrameSource, options: TrackOptions) -> tuple[TrackCandidate, l
             break
     tried = choice.candidates
     best = max(tried, key=lambda candidate: (not contradicted(candidate, tried), probability(candidate)))
+    if options.marks:  # of those about as probable the one that finds what is marked in most frames
+        alike = [each for each in tried if probability(each) >= probability(best) - ALIKE]
+        best = max((each for each in alike if not contradicted(each, tried)), key=found_share, default=best)
     if not best.tracks:
         raise TrackingError(choice.candidates[0].refusal)
     if options.explain is not None:
