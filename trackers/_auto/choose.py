@@ -24,7 +24,7 @@ SAMPLES = 40  # as many as the background is made of
 MAX_BODIES = 3  # more bodies are too alike to be followed by appearance
 MAX_WAYS, NEXT = 3, 2  # ways by appearance; further objects that move before the still background
 LIKELY = 0.5  # probability of a candidate that is rather right than wrong
-ALIKE = 0.02  # probabilities that differ by less say nothing of which is better
+ALIKE = 0.02  # a smaller difference of probabilities does not tell the better one
 SAME = 0.5  # of the common frames: two tracks that are in one place more often are of one body
 FIRST = "median-background"
 
@@ -154,7 +154,7 @@ def choose(video: FrameSource, options: TrackOptions) -> tuple[TrackCandidate, l
             break
     tried = choice.candidates
     best = max(tried, key=lambda candidate: (not contradicted(candidate, tried), probability(candidate)))
-    if options.marks:  # of those about as probable the one that finds what is marked in most frames
+    if options.marks:  # the most complete one among those about as probable
         alike = [each for each in tried if probability(each) >= probability(best) - ALIKE]
         best = max((each for each in alike if not contradicted(each, tried)), key=found_share, default=best)
     if not best.tracks:
