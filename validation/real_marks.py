@@ -111,27 +111,26 @@ def score(tracks: Sequence[Track], marks: pd.DataFrame, width: int) -> Score:
 
 def compared(tracks: Sequence[Track], marks: pd.DataFrame, width: int) -> dict[int, Mapping[str, int]]:
     """The counts of :class:`Score` of each track against the marks of the body that it follows, by its number."""
-    parts = [[_compare(track, rows, width) for track in tracks] for _, rows in marks.groupby("body")]
-    return {track: parts[body][track] for body, track in _taken(parts)}
+    return {track: counts for track, _, counts in _pairs(tracks, marks, width)}
 
 
 def missed(tracks: Sequence[Track], marks: pd.DataFrame, width: int) -> NDArray[np.bool_]:
     """The marks (n,) of free bodies that the tracks of these bodies do not meet; all where there are no tracks."""
-    wrong = np.array(marks["state"] == "free", dtype=bool)
-    if not tracks:
-        return wrong
+    wrong = marks["state"] == "free"
+    for track, rows, _ in _pairs(tracks, marks, width):
+        wrong[rows.index] &= ~_met(at_frames(tracks[track], rows["frame"].to_numpy())[0], rows, width)
+    return wrong.to_numpy()
+
+
+def _pairs(
+    tracks: Sequence[Track], marks: pd.DataFrame, width: int
+) -> Iterator[tuple[int, pd.DataFrame, Mapping[str, int]]]:
+    """The number of the track that is on a body in most frames, the marks of that body, and the counts of the two."""
     groups = [rows for _, rows in marks.groupby("body")]
     parts = [[_compare(track, rows, width) for track in tracks] for rows in groups]
-    for body, track in _taken(parts):
-        here = (marks["body"] == groups[body]["body"].iloc[0]).to_numpy()
-        wrong[here] &= ~_met(at_frames(tracks[track], groups[body]["frame"].to_numpy())[0], groups[body], width)
-    return wrong
-
-
-def _taken(parts: Sequence[Sequence[Mapping[str, int]]]) -> Iterator[tuple[int, int]]:
-    """Body and track that belong together: each body has the track that is on it in most frames."""
-    taken = linear_sum_assignment([[-part["on_body"] for part in row] for row in parts])
-    return ((int(body), int(track)) for body, track in zip(*taken, strict=True))
+    taken = linear_sum_assignment(np.array([[-part["on_body"] for part in row] for row in parts]))
+    for body, track in zip(*taken, strict=True):
+        yield int(track), groups[body], parts[body][track]
 
 
 def _met(xy_px: Array, marks: pd.DataFrame, width: int) -> NDArray[np.bool_]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -17,7 +17,7 @@ from trackers._auto.follow_appearance import Body, follow_appearance
 from trackers._auto.marked_size import MIN_RADIUS, size_at
 from trackers._auto.scene import Place, SampledScene
 from trackers._auto.survey import ObjectClass
-from trackers._frames.arrays import Bytes
+from trackers._frames.arrays import Box, Bytes
 
 LEARNED = 0.8  # of the inscribed radius at the size of the search, which includes the blurred outline
 LED = "marks"  # the way whose paths are bound to the marks
@@ -52,7 +52,8 @@ def _by_looks(
     video: FrameSource, scene: SampledScene, kinds: Sequence[ObjectClass], options: TrackOptions
 ) -> list[Track]:
     """The tracks of one body of each of the kinds."""
-    bodies = [replace(body_like(kind, scene), name=str(k)) for k, kind in enumerate(kinds, start=1)]
+    appearances = [BodyAppearance.learned(*sightings_of(kind, scene), scene.still) for kind in kinds]
+    bodies = [Body(str(k), appearance, {}) for k, appearance in enumerate(appearances, start=1)]
     return follow_appearance(video, scene.view, bodies, options)
 
 
@@ -61,12 +62,11 @@ def _count(kind: ObjectClass) -> int:
     return max(1, round(len(kind.seen) / len(kind.samples)))
 
 
-def body_like(kind: ObjectClass, scene: SampledScene) -> Body:
-    """A body that looks like the objects of a kind, seen in the samples of a scene."""
+def sightings_of(kind: ObjectClass, scene: SampledScene) -> tuple[list[Bytes], list[Place], float]:
+    """The samples (h, w, 3) that show objects of a kind, where (x, y) they are in them, and their radius, all in px."""
     of_sample: dict[int, Place] = {sighting.sample: (sighting.x, sighting.y) for sighting in kind.seen}
     radius = max(MIN_RADIUS, LEARNED * float(kind.typical("inscribed")))
-    shown = [scene.images[k] for k in of_sample]
-    return Body("1", BodyAppearance.learned(shown, list(of_sample.values()), radius, scene.still), {})
+    return [scene.images[k] for k in of_sample], list(of_sample.values()), radius
 
 
 def way_by_marks(video: FrameSource, scene: SampledScene, options: TrackOptions) -> TrackingStrategy:
@@ -76,11 +76,15 @@ def way_by_marks(video: FrameSource, scene: SampledScene, options: TrackOptions)
         raise DataError(f"{options.bodies} bodies were requested, but {len(marks)} are marked; mark each, or none")
     left, top, right, bottom = scene.view.box
     for mark in options.marks:
-        if not (left <= mark.x_px < right and top <= mark.y_px < bottom):
-            place = f"{mark.body}={mark.x_px:g},{mark.y_px:g}@{mark.frame}"
-            raise DataError(f"the mark {place} does not lie in the region x={left}..{right}, y={top}..{bottom}")
-    bodies = partial(_marked_bodies, video, scene, marks)
-    return TrackingStrategy(LED, lambda: follow_appearance(video, scene.view, bodies(), options))
+        _check_inside(mark, scene.view.box, f"the region x={left}..{right}, y={top}..{bottom}")
+    return TrackingStrategy(LED, partial(_at_marks, video, scene, marks, options))
+
+
+def _at_marks(
+    video: FrameSource, scene: SampledScene, marks: dict[str, list[TrackMark]], options: TrackOptions
+) -> list[Track]:
+    """The tracks of the bodies at the marks."""
+    return follow_appearance(video, scene.view, _marked_bodies(video, scene, marks), options)
 
 
 def marks_by_body(marks: Sequence[TrackMark]) -> dict[str, list[TrackMark]]:
@@ -97,8 +101,14 @@ def check_marks(marks: Sequence[TrackMark], frames: Collection[int], size: tuple
     for mark in marks:
         if mark.frame not in known:
             raise DataError(f"there is a mark in frame {mark.frame}, which is not in the clip, or not in the part read")
-        if not (0 <= mark.x_px < size[0] and 0 <= mark.y_px < size[1]):
-            raise DataError(f"the mark {mark.body}={mark.x_px:g},{mark.y_px:g}@{mark.frame} does not lie in the image")
+        _check_inside(mark, (0, 0, *size), "the image")
+
+
+def _check_inside(mark: TrackMark, box: Box, where: str) -> None:
+    """DataError for a mark that is not in a box (left, top, right, bottom), px."""
+    left, top, right, bottom = box
+    if not (left <= mark.x_px < right and top <= mark.y_px < bottom):
+        raise DataError(f"the mark {mark.body}={mark.x_px:g},{mark.y_px:g}@{mark.frame} does not lie in {where}")
 
 
 def _marked_bodies(video: FrameSource, scene: SampledScene, marks: dict[str, list[TrackMark]]) -> list[Body]:

@@ -153,10 +153,10 @@ def choose(video: FrameSource, options: TrackOptions) -> tuple[TrackCandidate, l
         if probability(choice.attempt(way)) >= SURE and options.explain is None and way.name != LED:
             break
     tried = choice.candidates
-    best = max(tried, key=lambda candidate: (not contradicted(candidate, tried), probability(candidate)))
+    trusted = [candidate for candidate in tried if not contradicted(candidate, tried)]
+    best = max(trusted, key=probability)
     if options.marks:  # the most complete one among those about as probable
-        alike = [each for each in tried if probability(each) >= probability(best) - ALIKE]
-        best = max((each for each in alike if not contradicted(each, tried)), key=found_share, default=best)
+        best = max((each for each in trusted if probability(each) >= probability(best) - ALIKE), key=found_share)
     if not best.tracks:
         raise TrackingError(choice.candidates[0].refusal)
     if options.explain is not None:

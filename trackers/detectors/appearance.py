@@ -6,8 +6,8 @@ import numpy as np
 
 from iris_sysid.errors import TrackingError
 from iris_sysid.types import Detections, Detector, FrameSource, TrackOptions, with_progress
-from trackers._auto.appearance import search_image
-from trackers._auto.candidates import body_like
+from trackers._auto.appearance import learn, search_image
+from trackers._auto.candidates import sightings_of
 from trackers._auto.scene import SampledScene
 from trackers._detection.detect_frames import REPORT_EVERY, SAMPLES
 from trackers._frames.working_image import view_of
@@ -36,16 +36,16 @@ def detect(video: FrameSource, options: TrackOptions) -> Detections:
         When the options do not fit the clip.
     """
     scene = SampledScene(view_of(video, options), video.sample(SAMPLES))
-    bodies = [body_like(kind, scene) for kind in scene.kinds[: options.bodies + MAX_KINDS]]
-    if not bodies:
+    appearances = [learn(*sightings_of(kind, scene)) for kind in scene.kinds[: options.bodies + MAX_KINDS]]
+    if not appearances:
         raise TrackingError("nothing moves in sampled frames whose appearance could be learnt; try the detector disc")
     table = DetectionRows(DETECTOR.name, (video.width, video.height))
     for frame in with_progress(video.frames(), options.progress, video.n_expected, every=REPORT_EVERY):
         table.begin(frame.index, frame.t_s)
         image = search_image(scene.view, frame)
-        for number, body in enumerate(bodies):
-            found = body.appearance.colours.peaks(image)
-            radius = body.appearance.radius * scene.view.step
+        for number, appearance in enumerate(appearances):
+            found = appearance.peaks(image)
+            radius = appearance.radius * scene.view.step
             for (x, y), score in zip(found.xy, found.score, strict=True):
                 evidence = {
                     "likeness": float(score),
