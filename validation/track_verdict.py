@@ -29,6 +29,7 @@ from iris_sysid.synthetic import render_clip
 from iris_sysid.types import Array, FrameSource, TrackCandidate, TrackOptions
 from iris_sysid.video.reader import open_video
 from tests._phone_clips import CLIPS
+from trackers._auto.choose import FILLED, no_worse_filled
 from trackers._auto.verdict import OFF, WORDS
 from validation import pages, receding
 from validation.real_marks import MAX_ELSEWHERE, MIN_ON_BODY, compared, marked_clips
@@ -189,11 +190,18 @@ def ridge_of(losses: Mapping[float, pd.Series]) -> float:
 
 
 def chosen(rows: pd.DataFrame) -> pd.DataFrame:
-    """The candidate of each recording whose least sure track has the highest probability ``said``, one row each."""
-    by_candidate = rows.groupby(["recording", "candidate"], sort=False).agg(
-        {"said": "min", "share": "mean", "elsewhere": "mean"}
-    )
-    return by_candidate.loc[by_candidate.groupby("recording", sort=False)["said"].idxmax()].reset_index()
+    """The candidate of each recording whose least sure track has the highest probability ``said``, one row each.
+
+    With its gaps filled where ``auto`` would take that.
+    """
+    tracks = rows.groupby(["recording", "candidate"], sort=False)
+    by_candidate = tracks.agg({"said": "min", "share": "mean", "elsewhere": "mean"})
+    said, taken = by_candidate["said"], []
+    for name, way in said.groupby("recording", sort=False).idxmax():
+        filled = (name, way + FILLED)
+        is_taken = filled in said.index and no_worse_filled(said[name, way], said[filled])
+        taken.append(filled if is_taken else (name, way))
+    return by_candidate.loc[taken].reset_index()
 
 
 def real(rows: pd.DataFrame) -> pd.DataFrame:

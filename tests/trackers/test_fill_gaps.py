@@ -8,10 +8,10 @@ import pytest
 from iris_sysid.registry import TRACKERS
 from iris_sysid.types import TrackMark, TrackOptions
 from tests._drawn import DrawnClip, disc, moving_disc, noisy, paint, swing
-from trackers._auto.appearance import Peaks, learn
+from trackers._auto.appearance import Peaks, search_image
 from trackers._auto.best_path import MARKED, best_path
 from trackers._auto.fill_gaps import with_gaps_filled, with_marks
-from trackers._auto.known_looks import KnownLooks
+from trackers._auto.known_body import KnownBody
 from trackers._auto.scene import SampledScene
 from trackers._frames.working_image import view_of
 
@@ -86,14 +86,18 @@ def test_gap_is_not_filled_with_another_body_that_is_followed():
     assert not filled(track, clip, other).valid[GAP].any()
 
 
-@pytest.mark.parametrize(("share", "places"), [(0.95, 0), (0.5, 1)])
-def test_place_that_is_plainly_like_the_body_in_other_frames_is_scenery(share, places):
-    (image,) = noisy([paint(np.full((96, 160, 3), 70.0), disc(SHAPE, 40, 40, RADIUS), 170.0)], 2.0)
-    looks = learn([image], [(40.0, 40.0)], RADIUS)
-    usual = looks.score_map(image)
-    others = dict.fromkeys(range(4), share * usual)
-    known = KnownLooks(looks, 0.9 * float(usual.max()), others, dict.fromkeys(others, (120.0, 70.0)))
-    assert len(known.plainly_in(image).score) == places
+@pytest.mark.parametrize("twin", [True, False])
+def test_place_that_looks_like_the_body_in_samples_with_the_body_elsewhere_does_not_show_it(twin):
+    still = np.full(SHAPE, 70.0)
+    if twin:
+        still = paint(still, disc(SHAPE, 130, 80, RADIUS), 170.0)
+    path = swing(40, (70, 40), (45, 20), period=37.3)
+    clip = DrawnClip(noisy([paint(still, disc(SHAPE, *place, RADIUS), 170.0) for place in path], 2.0))
+    scene = SampledScene(view_of(clip, TrackOptions()), clip.sample(40))
+    body = KnownBody.learned(scene, dict(enumerate(path[:30])), RADIUS)
+    shown = noisy([paint(np.full(SHAPE, 70.0), disc(SHAPE, 130, 80, RADIUS), 170.0)], 2.0)
+    seen = body.clearly_in(search_image(scene.view, next(DrawnClip(shown).frames())))
+    assert len(seen.score) == (0 if twin else 1)
 
 
 def test_marks_do_not_hide_the_body_in_the_frames_between_them():

@@ -15,11 +15,12 @@ import numpy as np
 
 from trackers._auto.appearance import Appearance, Peaks, at_and_around, learn, peaks_of, score_at
 from trackers._auto.scene import Place
-from trackers._frames.arrays import Bytes, Image
+from trackers._frames.arrays import Bytes, Flags, Image
 
 HALF_SIDE = 1.2  # radii: half the side of a patch, which shows the outline of the body
 MIN_HALF = 4  # px of the search image
 PATCHES = 2  # that are compared with each frame, from places spread over the clip
+STRIP = 64  # rows of the search image that are compared with patches at once
 MIN_SCORE = 0.35  # below it a place shows no more than one of the three
 MIN_COLOUR = 0.1  # mean log ratio: what a body of no colour of its own shows at least
 MIN_MOTION = 6.0  # grey levels: what a body that rests shows at least
@@ -62,14 +63,14 @@ class BodyAppearance:
 
     def score_map(self, image: Bytes) -> Image:
         """How much each place of a search image (h, w, 3) shows the body, (h, w): the mean of three shares, 0 to 1."""
-        maps = [
-            np.clip(self.colours.score_map(image) / self.usual_colour, 0.0, 1.0),
-            np.clip(_motion(image, self.still, self.radius) / self.usual_motion, 0.0, 1.0),
-        ]
-        if self.patches:
-            luma = np.ascontiguousarray(image[..., 0])
-            maps.append(np.max([_correlation(luma, patch) for patch in self.patches], axis=0))
-        return np.asarray(np.mean(maps, axis=0), dtype=np.float32)
+        colour = np.clip(self.colours.score_map(image) / self.usual_colour, 0.0, 1.0)
+        motion = np.clip(_motion(image, self.still, self.radius) / self.usual_motion, 0.0, 1.0)
+        if not self.patches:
+            return np.asarray((colour + motion) / 2, dtype=np.float32)
+        # elsewhere no pattern lifts the mean to the least score
+        wanted = np.asarray(colour + motion > 3 * MIN_SCORE - 1)
+        pattern = _pattern(np.ascontiguousarray(image[..., 0]), self.patches, wanted)
+        return np.asarray((colour + motion + pattern) / 3, dtype=np.float32)
 
     def peaks(self, image: Bytes) -> Peaks:
         """The best places of a search image (h, w, 3), the best first."""
@@ -86,12 +87,33 @@ def _patch(image: Bytes, place: Place, radius: float) -> Bytes | None:
     return patch if int(np.ptp(patch)) > 0 else None
 
 
-def _correlation(luma: Bytes, patch: Bytes) -> Image:
-    """The normalised correlation (h, w) with a patch centred on each pixel, 0 where it is negative or not defined."""
-    half, score = patch.shape[0] // 2, np.zeros(luma.shape, np.float32)
-    inner = cv2.matchTemplate(luma, patch, cv2.TM_CCOEFF_NORMED)
+def _pattern(luma: Bytes, patches: Sequence[Bytes], wanted: Flags) -> Image:
+    """The best normalised correlation (h, w) with patches at the pixels that are wanted, in strips of rows; 0 if none.
+
+    Other pixels of a strip, from the first that is wanted to the last, have theirs as well.
+    """
+    score = np.zeros(luma.shape, np.float32)
+    for top in range(0, len(luma), STRIP):
+        columns = np.flatnonzero(wanted[top : top + STRIP].any(axis=0))
+        if columns.size:
+            part = (slice(top, top + STRIP), slice(int(columns[0]), int(columns[-1]) + 1))
+            score[part] = np.max([_correlation(luma, patch, part) for patch in patches], axis=0)
+    return score
+
+
+def _correlation(luma: Bytes, patch: Bytes, part: tuple[slice, slice]) -> Image:
+    """The normalised correlation with a patch centred on each pixel of a part, 0 where negative or not defined."""
+    half = patch.shape[0] // 2
+    rows, columns = (np.arange(size)[one] for size, one in zip(luma.shape, part, strict=True))
+    score = np.zeros((rows.size, columns.size), np.float32)
+    top, left = max(rows[0] - half, 0), max(columns[0] - half, 0)
+    window = luma[top : rows[-1] + half + 1, left : columns[-1] + half + 1]
+    if min(window.shape) < patch.shape[0]:
+        return score
+    inner = cv2.matchTemplate(np.ascontiguousarray(window), patch, cv2.TM_CCOEFF_NORMED)
     inner = np.where((inner > 0.0) & (inner <= 1.0 + 1e-6), inner, 0.0)  # an image of one grey level has none
-    score[half : half + inner.shape[0], half : half + inner.shape[1]] = inner
+    y, x = top + half - rows[0], left + half - columns[0]
+    score[y : y + inner.shape[0], x : x + inner.shape[1]] = inner
     return score
 
 

@@ -6,16 +6,18 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
+import numpy as np
+
 from iris_sysid.errors import TrackingError
 from iris_sysid.registry import TRACKERS
 from iris_sysid.types import FrameSource, Track, TrackCandidate, TrackOptions
 from trackers._auto.candidates import LED, TrackingStrategy, check_marks, marks_by_body, way_by_marks, ways_by_looks
-from trackers._auto.evidence import gap_share, missed_marks, two_on_one
+from trackers._auto.evidence import held_rows, missed_marks, two_on_one
 from trackers._auto.fill_gaps import with_gaps_filled, with_marks
 from trackers._auto.sampled_once import SampledOnce
 from trackers._auto.scene import SampledScene
-from trackers._auto.verdict import PROBABILITY, judged, largest_probability
-from trackers._auto.verdict_weights import SURE
+from trackers._auto.verdict import OF_WAYS, PROBABILITY, judged, largest_probability
+from trackers._auto.verdict_weights import DOUBTFUL, SURE
 from trackers._frames.working_image import view_of
 from trackers._linking.moving_bodies import MovingBodies, follow, is_apart, is_marked
 from trackers._tracklets.frame_to_frame import Tracklet
@@ -26,7 +28,7 @@ MAX_WAYS, NEXT = 3, 2  # ways by appearance; further objects that move before th
 LIKELY = 0.5  # probability of a candidate that is rather right than wrong
 ALIKE = 0.02  # a smaller difference of probabilities does not tell the better one
 SAME = 0.5  # of the common frames: two tracks that are in one place more often are of one body
-FIRST = "median-background"
+FIRST, FILLED = "median-background", ", gaps by appearance"  # the first way; ends the name of one with its gaps filled
 
 
 @dataclass(eq=False)
@@ -45,6 +47,11 @@ class TrackerSelection:
         once = SampledOnce(video)
         return cls(once, options, SampledScene(view_of(video, options), once.sample(SAMPLES)))
 
+    @property
+    def by_appearance(self) -> bool:
+        """Whether the bodies may be followed by appearance: not those of a mask, nor many that look alike."""
+        return self.options.mask is None and (self.options.bodies <= MAX_BODIES or bool(self.options.marks))
+
     def attempt(self, way: TrackingStrategy) -> TrackCandidate:
         """Follow the bodies in one way, and judge the tracks."""
         try:
@@ -59,6 +66,21 @@ class TrackerSelection:
     def _judged(self, track: Track, tracks: Sequence[Track], against: tuple[str, ...]) -> Track:
         others = [other for other in tracks if other is not track]
         return replace(track, quality=judged(track, self.scene, others, self.options.marks, against))
+
+    def best(self) -> TrackCandidate:
+        """The candidate that is most probable; beside marks, the most complete one of those about as probable."""
+        trusted = [each for each in self.candidates if not contradicted(each, self.candidates)]
+        best = max(trusted, key=probability)
+        alike = [each for each in trusted if probability(each) >= probability(best) - ALIKE]
+        return max(alike, key=found_share) if self.options.marks else best
+
+    def best_filled(self) -> TrackCandidate:
+        """The best candidate with its gaps filled, where it has any and :func:`no_worse_filled`."""
+        best = self.best()
+        if not self.by_appearance or not _has_gaps(best) or best.name.endswith(FILLED):
+            return best
+        filled = self.attempt(self.filled(best))
+        return filled if no_worse_filled(probability(best), probability(filled)) else best
 
     def surpasses(self, way: TrackingStrategy) -> bool:
         """Whether a candidate is at least as probable as the tracks of a way can be, by the evidence that it brings."""
@@ -88,8 +110,9 @@ class TrackerSelection:
         tracks = candidate.tracks
         others = [[other for other in tracks if other is not track] for track in tracks]
         return TrackingStrategy(
-            f"{candidate.name}, gaps by looks",
+            candidate.name + FILLED,
             lambda: [with_gaps_filled(self.video, self.scene, *pair) for pair in zip(tracks, others, strict=True)],
+            brought_along(candidate),
         )
 
     def named_by_marks(self, tracks: list[Track]) -> list[Track]:
@@ -110,6 +133,17 @@ def probability(candidate: TrackCandidate) -> float:
     return min(
         (track.quality.evidence[PROBABILITY] for track in candidate.tracks if track.quality is not None), default=-1.0
     )
+
+
+def no_worse_filled(as_it_was: float, filled: float) -> bool:
+    """Whether a track of some probability is to be taken with its gaps filled: not where that raises a doubt."""
+    return filled >= min(DOUBTFUL, as_it_was - ALIKE)
+
+
+def brought_along(candidate: TrackCandidate) -> tuple[str, ...]:
+    """The evidence that a candidate brings with it by the way of following its bodies."""
+    known = [track.quality.evidence for track in candidate.tracks if track.quality is not None]
+    return tuple(name for name in OF_WAYS if any(evidence[name] for evidence in known))
 
 
 def found_share(candidate: TrackCandidate) -> float:
@@ -152,11 +186,7 @@ def choose(video: FrameSource, options: TrackOptions) -> tuple[TrackCandidate, l
             continue
         if probability(choice.attempt(way)) >= SURE and options.explain is None and way.name != LED:
             break
-    tried = choice.candidates
-    trusted = [candidate for candidate in tried if not contradicted(candidate, tried)]
-    best = max(trusted, key=probability)
-    if options.marks:  # the most complete one among those about as probable
-        best = max((each for each in trusted if probability(each) >= probability(best) - ALIKE), key=found_share)
+    best = choice.best_filled()
     if not best.tracks:
         raise TrackingError(choice.candidates[0].refusal)
     if options.explain is not None:
@@ -168,7 +198,7 @@ def _ways(choice: TrackerSelection) -> Iterator[TrackingStrategy]:
     """The ways that suit the options; later ones are prepared only when they are needed."""
     video, options, scene = choice.video, choice.options, choice.scene
     yield TrackingStrategy(FIRST, choice.first)
-    if options.mask is not None or (options.bodies > MAX_BODIES and not options.marks):
+    if not choice.by_appearance:
         return
     if options.marks:
         yield way_by_marks(video, scene, options)
@@ -187,6 +217,5 @@ def _ways(choice: TrackerSelection) -> Iterator[TrackingStrategy]:
 
 
 def _has_gaps(candidate: TrackCandidate) -> bool:
-    """Whether a body is lost in some frames."""
-    judged = [(track, track.quality.evidence) for track in candidate.tracks if track.quality is not None]
-    return any(gap_share(track) > 0 or known["missed"] > 0 for track, known in judged)
+    """Whether a body is neither found nor held in some frames."""
+    return any(not np.all(track.valid | held_rows(track)) for track in candidate.tracks)

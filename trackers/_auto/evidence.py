@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from iris_sysid.types import Array, Frame, Mask, Track, TrackMark
-from trackers._auto.known_looks import known_looks
+from trackers._auto.known_body import KnownBody
 from trackers._auto.scene import Place, SampledScene
 from trackers._auto.survey import WEIGHTS, ObjectClass, any_near, blob_at, colour_distance
 from trackers._frames.arrays import Bytes, Flags
@@ -23,6 +23,7 @@ LIKE_THE_BODY = 0.45  # of the way from the surroundings' colour to the body's: 
 ANOTHER = 30.0
 MIN_INFORMATIVE_CONTRAST = 6.0  # grey levels: a patch with less contrast is left out
 MIN_PATCHES = 4
+MIN_SIZES = 6  # twice as many as a parabola has values
 LONG_GAP = 5  # frames without any body, over which paths no longer identify the bodies
 TOGETHER = 1.5  # radii: nearer than this two tracks are of one body
 ON_TRACK = 0.3  # share of the sightings of a kind that lie on the track: with fewer, the track follows another object
@@ -55,6 +56,7 @@ def evidence_against(track: Track, scene: SampledScene, others: Sequence[Track] 
         "faint": MIN_INFORMATIVE_CONTRAST / (MIN_INFORMATIVE_CONTRAST + patches.contrast()) if shown else 0.0,
         "kinks": kinks(track),
         "barely moves": 1 / (1 + travel(track)),
+        "size changes": size_scatter(track),
         "held": held_share(track),
         "at the edge": edge,
         "ragged": ragged,
@@ -172,11 +174,19 @@ def travel(track: Track) -> float:
     return extent / _radius(track, int(np.flatnonzero(track.valid)[0]))
 
 
-def gap_share(track: Track) -> float:
-    """Share of the frames from the first to the last with the body in which it is neither found nor held."""
-    found = track.valid | held_rows(track)
-    rows = np.flatnonzero(found)
-    return float(1 - found[rows[0] : rows[-1] + 1].mean()) if rows.size else 1.0
+def size_scatter(track: Track) -> float:
+    """Relative range, at most 1, of 80 % of the radii about a parabola in time: a body comes nearer, or goes away.
+
+    0 where fewer than ``MIN_SIZES`` are known.
+    """
+    rows = np.flatnonzero(track.valid)
+    size = np.full(rows.size, np.nan) if track.radius_px is None else track.radius_px[rows]
+    known = size > 0
+    if np.count_nonzero(known) < MIN_SIZES:
+        return 0.0
+    time, log_size = np.linspace(-1, 1, len(track.valid))[rows[known]], np.log(size[known])
+    off = log_size - np.polyval(np.polyfit(time, log_size, 2), time)
+    return min(1.0, float(np.percentile(off, 90) - np.percentile(off, 10)))
 
 
 def held_share(track: Track) -> float:
@@ -219,19 +229,19 @@ def samples_missed(track: Track, scene: SampledScene, others: Sequence[Track]) -
     if len(places) < MIN_PATCHES or not lost or track.radius_px is None:
         return []
     reach = usual_radius(track)
-    found = _plainly_seen(scene, places, reach, lost, others)
+    found = _clearly_seen(scene, places, reach, lost, others)
     return _without_rest(found, (min(places), max(places)), reach, MAX_REST * len(rows))
 
 
-def _plainly_seen(
+def _clearly_seen(
     scene: SampledScene, places: Mapping[int, Place], reach: float, lost: Sequence[int], others: Sequence[Track]
 ) -> dict[int, Place]:
     """Where the objects at some places of the samples are visible in others: px of the frame, by sample number."""
-    known = known_looks(scene.images, places, reach / scene.view.step)
+    known = KnownBody.learned(scene, places, reach / scene.view.step, others)
     moving: dict[int, Place] = {}
     still: dict[int, Place] = {}
     for k in lost:
-        for at in known.plainly_in(scene.images[k]).xy:
+        for at in known.clearly_in(scene.images[k]).xy:
             place = scene.view.in_frame(*at)
             if not any(passes(other, scene.frames[k].index, place, reach) for other in others):
                 moves = blob_at(scene.foregrounds[k], (at[0], at[1])) is not None

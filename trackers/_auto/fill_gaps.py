@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from iris_sysid.types import Array, FrameSource, Mask, Track, TrackMark
+from iris_sysid.types import Array, Frame, FrameSource, Mask, Track, TrackMark
 from trackers._auto.appearance import NOWHERE, Peaks, search_image
 from trackers._auto.best_path import MARKED, best_path
 from trackers._auto.evidence import held_rows, missed_marks, passes, usual_radius
 from trackers._auto.follow_appearance import APART, REACH_RADII, REACH_SHARE, ROUGH
-from trackers._auto.known_looks import KnownLooks, known_looks
+from trackers._auto.known_body import KnownBody
 from trackers._auto.scene import Place, SampledScene
+from trackers._frames.ahead import ahead
 from trackers._frames.working_image import WorkingView
 from trackers._tracklets.frame_to_frame import MAX_GAP, SPEED_CHANGE
 
@@ -42,12 +43,11 @@ def with_gaps_filled(video: FrameSource, scene: SampledScene, track: Track, othe
     """
     if track.radius_px is None:
         return track
-    radius = float(np.nanmedian(track.radius_px[track.valid]))
-    view = scene.view
-    known = known_looks(scene.images, scene.places(track), radius / view.step)
+    radius, view = usual_radius(track), scene.view
+    known = KnownBody.learned(scene, scene.places(track), radius / view.step, others)
     places = _places(video, view, track, known, others)
-    chosen = best_path(places, max(REACH_RADII * known.looks.radius, REACH_SHARE * float(np.hypot(*view.search_size))))
-    found = {row: places[row].xy[column] for row, column in enumerate(chosen) if column is not None}
+    reach = max(REACH_RADII * known.appearance.radius, REACH_SHARE * float(np.hypot(*view.search_size)))
+    found = {row: places[row].xy[k] for row, k in enumerate(best_path(places, reach)) if k is not None}
     found = _going_on(found, np.flatnonzero(track.valid))
     return _with_positions(
         track, {row: view.in_frame(*xy) for row, xy in found.items() if not track.valid[row]}, radius
@@ -69,32 +69,25 @@ def with_marks(track: Track, marks: Sequence[TrackMark]) -> Track:
 
 
 def _places(
-    video: FrameSource, view: WorkingView, track: Track, known: KnownLooks, others: Sequence[Track]
+    video: FrameSource, view: WorkingView, track: Track, known: KnownBody, others: Sequence[Track]
 ) -> list[Peaks]:
-    """Where the body may be in each frame, px of the search image: on the track, or what looks like it."""
-    seen = np.flatnonzero(track.valid)
+    """Where the body may be in each frame, px of the search image: on the track, or where it is clearly visible."""
     lost: Mask = ~track.valid & ~held_rows(track)
-    gap: Mask = lost.copy()
-    gap[: seen[0]] = gap[seen[-1] :] = False
-    expected = {row: ways for row, ways in _expected(track, usual_radius(track)).items() if lost[row]}
-    at = {int(number): row for row, number in enumerate(track.frame)}
+    row_of = {int(number): row for row, number in enumerate(track.frame) if lost[row]}
     places = [NOWHERE] * len(track.frame)
-    for row in seen:
+    for row in np.flatnonzero(track.valid):
         places[row] = Peaks(np.array([view.in_search(*track.xy_px[row])]), np.array([MARKED]))
-    for frame in video.frames():
-        here = at.get(frame.index)
-        if here is not None and (gap[here] or here in expected):
-            image = search_image(view, frame)
-            found = known.plainly_in(image) if gap[here] else NOWHERE
-            for place, reach in expected.get(here, ()):
-                found = (
-                    found if len(found.score) else known.expected_in(image, view.in_search(*place), reach / view.step)
-                )
-            reach = APART * known.looks.radius * view.step
-            free = [
-                not any(passes(other, frame.index, view.in_frame(*xy), reach) for other in others) for xy in found.xy
-            ]
-            places[here] = found.where(np.array(free, np.bool_))
+    reach, end = APART * known.appearance.radius * view.step, track.frame[track.valid][-1]
+
+    def free_in(frame: Frame) -> tuple[int, Peaks]:
+        found = known.clearly_in(search_image(view, frame))
+        taken = [any(passes(other, frame.index, view.in_frame(*xy), reach) for other in others) for xy in found.xy]
+        return frame.index, found.where(~np.array(taken, np.bool_))
+
+    for number, free in ahead(free_in, (frame for frame in video.frames() if frame.index in row_of)):
+        places[row_of[number]] = free
+        if number > end and not len(free.score):
+            break
     return places
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import cv2
 import numpy as np
@@ -16,11 +17,13 @@ from iris_sysid.types import Frame, FrameSource, Track, TrackOptions, part_of_pr
 from trackers._auto.appearance import Appearance, Peaks, search_image
 from trackers._auto.best_path import best_path, bound_to_marks, usual_reach
 from trackers._auto.body_appearance import BodyAppearance
+from trackers._auto.scene import Place
 from trackers._detection.detect_frames import REPORT_EVERY
 from trackers._detection.detection import Detection, FrameDetections
 from trackers._detection.foreground import Blob, ConnectedComponent, blobs_of
 from trackers._detection.local_background import GAP, components_of, local_detector
 from trackers._detection.subpixel_centroid import Centre
+from trackers._frames.ahead import ahead
 from trackers._frames.arrays import Bytes
 from trackers._frames.working_image import WorkingView
 from trackers._linking.to_track import track_of
@@ -40,7 +43,7 @@ class Body:
 
     name: str
     appearance: BodyAppearance
-    marks: Mapping[int, tuple[float, float]]
+    marks: Mapping[int, Place]
 
 
 def follow_appearance(
@@ -65,25 +68,22 @@ def follow_appearance(
         When a body is found in fewer than three frames.
     """
     view = view.with_chroma()
+    first_half, second_half = (part_of_progress(options.progress, k, 2) for k in range(2))
+    frames = with_progress(video.frames(), first_half, video.n_expected, every=REPORT_EVERY)
     numbers: list[int] = []
     peaks: list[list[Peaks]] = [[] for _ in bodies]
-    first_half = part_of_progress(options.progress, 0, 2)
-    for frame in with_progress(video.frames(), first_half, video.n_expected, every=REPORT_EVERY):
-        image = search_image(view, frame)
-        numbers.append(frame.index)
-        for of_body, body in zip(peaks, bodies, strict=True):
-            of_body.append(body.appearance.peaks(image))
+    for number, found in ahead(partial(_seen, view, bodies), frames):
+        numbers.append(number)
+        for of_body, places in zip(peaks, found, strict=True):
+            of_body.append(places)
     paths = _paths(view, numbers, peaks, bodies)
     tracklets: list[list[Detection]] = [[] for _ in bodies]
     all_detections: list[FrameDetections] = []
-    second_half = part_of_progress(options.progress, 1, 2)
-    for k, frame in enumerate(with_progress(video.frames(), second_half, len(numbers), every=REPORT_EVERY)):
-        image = search_image(view, frame)
-        for body, path, detections in zip(bodies, paths, tracklets, strict=True):
-            if k in path:
-                found = measured_at(view, frame, image, body.appearance.colours, path[k])
-                detections += [found or roughly_at(view, frame, image, body.appearance.colours, path[k])]
-        all_detections.append(FrameDetections(frame.index, frame.t_s, (), ()))
+    frames = with_progress(video.frames(), second_half, len(numbers), every=REPORT_EVERY)
+    for empty, measured in ahead(partial(_measured, view, bodies, paths), enumerate(frames)):
+        all_detections.append(empty)
+        for detections, new in zip(tracklets, measured, strict=True):
+            detections += new
     for body, detections in zip(bodies, tracklets, strict=True):
         if len(detections) < MIN_DETECTIONS:
             raise TrackingError(
@@ -96,13 +96,37 @@ def follow_appearance(
     ]
 
 
+def _seen(view: WorkingView, bodies: Sequence[Body], frame: Frame) -> tuple[int, list[Peaks]]:
+    """The number of a frame, and where each of the bodies may be in it."""
+    image = search_image(view, frame)
+    return frame.index, [body.appearance.peaks(image) for body in bodies]
+
+
+def _measured(
+    view: WorkingView, bodies: Sequence[Body], paths: Sequence[Mapping[int, Place]], numbered: tuple[int, Frame]
+) -> tuple[FrameDetections, list[list[Detection]]]:
+    """A frame without detections, and each of the bodies as it is measured on its path, if that passes the frame."""
+    k, frame = numbered
+    image = search_image(view, frame)
+    found = [
+        [_at(view, frame, image, body.appearance.colours, path[k])] if k in path else []
+        for body, path in zip(bodies, paths, strict=True)
+    ]
+    return FrameDetections(frame.index, frame.t_s, (), ()), found
+
+
+def _at(view: WorkingView, frame: Frame, image: Bytes, appearance: Appearance, place: Place) -> Detection:
+    """The body at a place of the search image, measured if its outline is found."""
+    return measured_at(view, frame, image, appearance, place) or roughly_at(view, frame, image, appearance, place)
+
+
 def _paths(
     view: WorkingView, numbers: Sequence[int], peaks: Sequence[list[Peaks]], bodies: Sequence[Body]
-) -> list[dict[int, tuple[float, float]]]:
+) -> list[dict[int, Place]]:
     """Where each body is in the search image, by number of the frame in order; the clearest body first."""
     row_of = {number: k for k, number in enumerate(numbers)}
     reach_image = REACH_SHARE * float(np.hypot(*view.search_size))
-    paths: list[dict[int, tuple[float, float]]] = []
+    paths: list[dict[int, Place]] = []
     for candidates, body in zip(peaks, bodies, strict=True):
         free = [_without(places, [path[k] for path in paths if k in path], body) for k, places in enumerate(candidates)]
         known = {row_of[n]: view.in_search(*place) for n, place in body.marks.items() if n in row_of}
@@ -113,7 +137,7 @@ def _paths(
     return paths
 
 
-def _without(places: Peaks, taken: Sequence[tuple[float, float]], body: Body) -> Peaks:
+def _without(places: Peaks, taken: Sequence[Place], body: Body) -> Peaks:
     """The places that no other body has taken."""
     free = np.ones(len(places.score), dtype=np.bool_)
     for place in taken:
@@ -122,7 +146,7 @@ def _without(places: Peaks, taken: Sequence[tuple[float, float]], body: Body) ->
 
 
 def measured_at(
-    view: WorkingView, frame: Frame, image: Bytes, appearance: Appearance, place: tuple[float, float]
+    view: WorkingView, frame: Frame, image: Bytes, appearance: Appearance, place: Place
 ) -> Detection | None:
     """The body at a place of the search image, measured against its surroundings; None where none does."""
     height, width = image.shape[:2]
@@ -146,9 +170,7 @@ def measured_at(
     return seen[0] if seen else None
 
 
-def roughly_at(
-    view: WorkingView, frame: Frame, image: Bytes, appearance: Appearance, place: tuple[float, float]
-) -> Detection:
+def roughly_at(view: WorkingView, frame: Frame, image: Bytes, appearance: Appearance, place: Place) -> Detection:
     """The body at a place where its outline merges with the surroundings: known to a third of its radius."""
     radius = appearance.radius * view.step
     x, y = view.in_frame(*place)
@@ -159,14 +181,14 @@ def roughly_at(
     return Detection(frame.index, frame.t_s, centre, 0, 0, 1.0, 1.0, 1.0, hand=False)
 
 
-def _near(shape: tuple[int, ...], place: tuple[float, float], radius: float) -> Bytes:
+def _near(shape: tuple[int, ...], place: Place, radius: float) -> Bytes:
     """Pixels of a window that may be of the body at a place."""
     y, x = np.ogrid[: shape[0], : shape[1]]
     return np.asarray((x - place[0]) ** 2 + (y - place[1]) ** 2 <= (MAX_RADIUS_RATIO * radius + 2) ** 2)
 
 
 def _blob_at(
-    components: Sequence[ConnectedComponent], shape: tuple[int, ...], place: tuple[float, float], radius: float
+    components: Sequence[ConnectedComponent], shape: tuple[int, ...], place: Place, radius: float
 ) -> Blob | None:
     """The largest compact part near a place."""
     near = []

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cache, partial
 
 import cv2
 import numpy as np
@@ -120,7 +120,8 @@ class SteadyVideo(OnCanvas):
     def _steady(self, frame: Frame) -> Frame:
         luma = self._shown("luma", lambda plain: plain.luma, frame, frame.luma)
         luma.flags.writeable = False
-        return replace(frame, luma=luma, bgr=partial(self._bgr, frame), chroma=partial(self._chroma, frame))
+        # the colours are resampled once, however many windows of them are looked at
+        return replace(frame, luma=luma, bgr=partial(self._bgr, frame), chroma=cache(partial(self._chroma, frame)))
 
     def _bgr(self, frame: Frame) -> Bytes:
         return self._shown("bgr", _bgr, frame, frame.bgr())
