@@ -26,9 +26,8 @@ MIN_SEEN = 3  # rows that say where the body goes
 def with_gaps_filled(video: FrameSource, scene: SampledScene, track: Track, others: Sequence[Track] = ()) -> Track:
     """A track with its gaps filled where the body is clearly visible on a path from end to end of the gap.
 
-    Where its motion leads, also just beyond the ends of the track, it need not look like the body more than anything
-    in the image, but more than anything that is there without it. Its outline gave no position in these frames: such a
-    position is known to a third of the radius.
+    Likewise beyond the ends of the track, as long as it is visible in every frame. Its outline gave no position in
+    these frames: such a position is known to a third of the radius.
 
     Parameters
     ----------
@@ -49,9 +48,7 @@ def with_gaps_filled(video: FrameSource, scene: SampledScene, track: Track, othe
     reach = max(REACH_RADII * known.appearance.radius, REACH_SHARE * float(np.hypot(*view.search_size)))
     found = {row: places[row].xy[k] for row, k in enumerate(best_path(places, reach)) if k is not None}
     found = _going_on(found, np.flatnonzero(track.valid))
-    return _with_positions(
-        track, {row: view.in_frame(*xy) for row, xy in found.items() if not track.valid[row]}, radius
-    )
+    return _with_positions(track, {row: view.in_frame(*xy) for row, xy in found.items() if not track.valid[row]})
 
 
 def with_marks(track: Track, marks: Sequence[TrackMark]) -> Track:
@@ -65,7 +62,7 @@ def with_marks(track: Track, marks: Sequence[TrackMark]) -> Track:
             for row, at in lost.items()
             if any(np.hypot(*np.subtract(at, place)) < reach for place, reach in expected.get(row, ()))
         }
-    return _with_positions(track, lost, usual_radius(track)) if lost else track
+    return _with_positions(track, lost) if lost else track
 
 
 def _places(
@@ -124,21 +121,24 @@ def _going_on(found: Mapping[int, Array], seen: NDArray[np.int64]) -> dict[int, 
     return {row: place for row, place in found.items() if first <= row <= last}
 
 
-def _with_positions(track: Track, places: Mapping[int, Place], radius: float) -> Track:
-    """A track with a body of that radius at rough places (x, y), all in px, by the row that was a gap."""
+def _with_positions(track: Track, places: Mapping[int, Place]) -> Track:
+    """A track with its body at rough places (x, y), px, by the row that was a gap, as large as before and after."""
     rows = list(places)
-    error = max(ROUGH * radius, 0.5)
+    radius = np.full(len(rows), usual_radius(track))
+    if track.radius_px is not None and (known := np.flatnonzero(track.radius_px > 0)).size:
+        radius = np.interp(rows, known, track.radius_px[known])
+    error = np.maximum(ROUGH * radius, 0.5)
     xy_px, sigma_px, valid = track.xy_px.copy(), track.sigma_px.copy(), track.valid.copy()
     xy_px[rows] = np.array(list(places.values())).reshape(-1, 2)
-    sigma_px[rows] = error
+    sigma_px[rows] = error[:, np.newaxis]
     valid[rows] = True
     rough = {"radius_px": radius, "sigma_radius_px": error, "area_px": np.pi * radius**2}
     measured: dict[str, Any] = {name: _with_rows(getattr(track, name), rows, given) for name, given in rough.items()}
     return replace(track, xy_px=xy_px, sigma_px=sigma_px, valid=valid, **measured)
 
 
-def _with_rows(values: Array | None, rows: Sequence[int], given: float) -> Array | None:
-    """A copy of ``values`` with one value in some rows; None where there are none."""
+def _with_rows(values: Array | None, rows: Sequence[int], given: Array) -> Array | None:
+    """A copy of ``values`` with those given (k,) in some rows (k,); None where there are none."""
     if values is None:
         return None
     copy = values.copy()
