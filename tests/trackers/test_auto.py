@@ -13,7 +13,7 @@ from tests._drawn import DrawnClip, disc, moving_disc, noisy, paint, swing
 from trackers._auto.appearance import Peaks
 from trackers._auto.best_path import best_path
 from trackers._auto.candidates import TrackingStrategy
-from trackers._auto.choose import TrackerSelection, contradicted
+from trackers._auto.choose import TrackerSelection, contradicted, no_worse_filled
 from trackers._auto.evidence import (
     Patches,
     disc_not_followed,
@@ -95,6 +95,13 @@ def test_path_that_marks_lead_elsewhere_than_a_good_one_that_passes_them_is_cont
     assert contradicted(candidate("marks", 50.0), [free])
     assert not contradicted(candidate("marks", 2.0), [free])
     assert not contradicted(free, [candidate("marks", 50.0)])
+
+
+def test_filled_track_is_taken_unless_that_raises_a_doubt():
+    assert no_worse_filled(0.95, DOUBTFUL)
+    assert not no_worse_filled(0.95, DOUBTFUL - 0.01)
+    assert no_worse_filled(0.6, 0.59)
+    assert not no_worse_filled(0.6, 0.5)
 
 
 def test_way_that_cannot_be_more_probable_than_a_candidate_is_surpassed():

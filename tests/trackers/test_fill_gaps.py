@@ -47,6 +47,12 @@ def test_frames_in_which_the_body_is_held_or_hidden_stay_gaps():
     assert not filled(track, hidden).valid[GAP].any()
 
 
+def test_track_that_few_samples_show_is_left_as_it_is():
+    track, clip = with_gap(moving_disc(PATH, RADIUS, SHAPE))
+    scene = SampledScene(view_of(clip, TrackOptions()), clip.sample(40)[GAP])
+    assert with_gaps_filled(clip, scene, track) is track
+
+
 @pytest.mark.parametrize("there", [True, False])
 def test_ends_of_a_track_are_filled_as_long_as_the_body_is_where_its_motion_leads(there):
     ends = np.r_[0:2, 38:40]

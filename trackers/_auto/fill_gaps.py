@@ -20,7 +20,7 @@ from trackers._frames.ahead import ahead
 from trackers._frames.working_image import WorkingView
 from trackers._tracklets.frame_to_frame import MAX_GAP, SPEED_CHANGE
 
-MIN_SEEN = 3  # rows that say where the body goes
+MIN_SEEN = 3  # rows that say where the body goes, and samples that say what it looks like
 
 
 def with_gaps_filled(video: FrameSource, scene: SampledScene, track: Track, others: Sequence[Track] = ()) -> Track:
@@ -40,10 +40,11 @@ def with_gaps_filled(video: FrameSource, scene: SampledScene, track: Track, othe
     others
         Of other bodies: where one of them is, this one is not.
     """
-    if track.radius_px is None:
+    shown = scene.places(track)
+    if len(shown) < MIN_SEEN or track.radius_px is None:
         return track
-    radius, view = usual_radius(track), scene.view
-    known = KnownBody.learned(scene, scene.places(track), radius / view.step, others)
+    view = scene.view
+    known = KnownBody.learned(scene, shown, usual_radius(track) / view.step, others)
     places = _places(video, view, track, known, others)
     reach = max(REACH_RADII * known.appearance.radius, REACH_SHARE * float(np.hypot(*view.search_size)))
     found = {row: places[row].xy[k] for row, k in enumerate(best_path(places, reach)) if k is not None}
