@@ -184,9 +184,12 @@ def log_loss(rows: pd.DataFrame, said: Array) -> pd.Series:
 
 
 def ridge_of(losses: Mapping[float, pd.Series]) -> float:
-    """The largest ridge whose loss is within one standard error of the smallest (Breiman et al. 1984, CART, 3.4.3)."""
+    """The largest ridge whose loss is within one standard error of the smallest (Breiman et al. 1984, CART, 3.4.3).
+
+    The standard error is that of the difference: the same recordings are left out with either ridge.
+    """
     best = min(losses.values(), key=pd.Series.mean)
-    return max(ridge for ridge, loss in losses.items() if loss.mean() <= best.mean() + best.sem())
+    return max(ridge for ridge, loss in losses.items() if (loss - best).mean() <= (loss - best).sem())
 
 
 def chosen(rows: pd.DataFrame) -> pd.DataFrame:

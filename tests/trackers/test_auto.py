@@ -21,7 +21,6 @@ from trackers._auto.evidence import (
     kinks,
     lost_together,
     missed_marks,
-    size_scatter,
     two_on_one,
 )
 from trackers._auto.marked_size import radius_by_colour
@@ -379,16 +378,6 @@ def test_body_at_the_end_of_an_arm_hangs_together_with_the_edge(arm, share):
     clip = DrawnClip(noisy(images, 2.0))
     (track,) = TRACKERS["median-background"].track(moving_disc(places, 9, (96, 160)), TrackOptions())
     assert evidence_against(track, scene_of(clip))["at the edge"] == pytest.approx(share, abs=0.3)
-
-
-def test_size_of_a_body_that_comes_nearer_is_steady_and_that_of_a_track_that_changes_bodies_is_not():
-    _, track = a_track(SWING)
-    size = np.full(track.frame.size, 9.0)
-    assert size_scatter(replace(track, radius_px=size)) == pytest.approx(0.0, abs=1e-6)
-    assert size_scatter(replace(track, radius_px=size * (1 + np.linspace(0, 1, size.size)))) < 0.05
-    size[::2] *= 1.5
-    assert size_scatter(replace(track, radius_px=size)) == pytest.approx(np.log(1.5), abs=0.05)
-    assert size_scatter(replace(track, radius_px=None)) == 0.0
 
 
 def test_path_is_broken_where_the_body_is_off_its_way_for_a_frame():

@@ -23,7 +23,6 @@ LIKE_THE_BODY = 0.45  # of the way from the surroundings' colour to the body's: 
 ANOTHER = 30.0
 MIN_INFORMATIVE_CONTRAST = 6.0  # grey levels: a patch with less contrast is left out
 MIN_PATCHES = 4
-MIN_SIZES = 6  # twice as many as a parabola has values
 LONG_GAP = 5  # frames without any body, over which paths no longer identify the bodies
 TOGETHER = 1.5  # radii: nearer than this two tracks are of one body
 ON_TRACK = 0.3  # share of the sightings of a kind that lie on the track: with fewer, the track follows another object
@@ -56,7 +55,6 @@ def evidence_against(track: Track, scene: SampledScene, others: Sequence[Track] 
         "faint": MIN_INFORMATIVE_CONTRAST / (MIN_INFORMATIVE_CONTRAST + patches.contrast()) if shown else 0.0,
         "kinks": kinks(track),
         "barely moves": 1 / (1 + travel(track)),
-        "size changes": size_scatter(track),
         "held": held_share(track),
         "at the edge": edge,
         "ragged": ragged,
@@ -172,21 +170,6 @@ def travel(track: Track) -> float:
     nearer = 0.0 if track.radius_px is None else float(np.ptp(track.radius_px[track.valid]))
     extent = max(float(np.hypot(*np.ptp(place, axis=0))), nearer if np.isfinite(nearer) else 0.0)
     return extent / _radius(track, int(np.flatnonzero(track.valid)[0]))
-
-
-def size_scatter(track: Track) -> float:
-    """Relative range, at most 1, of 80 % of the radii about a parabola in time: a body comes nearer, or goes away.
-
-    0 where fewer than ``MIN_SIZES`` are known.
-    """
-    rows = np.flatnonzero(track.valid)
-    size = np.full(rows.size, np.nan) if track.radius_px is None else track.radius_px[rows]
-    known = size > 0
-    if np.count_nonzero(known) < MIN_SIZES:
-        return 0.0
-    time, log_size = np.linspace(-1, 1, len(track.valid))[rows[known]], np.log(size[known])
-    off = log_size - np.polyval(np.polyfit(time, log_size, 2), time)
-    return min(1.0, float(np.percentile(off, 90) - np.percentile(off, 10)))
 
 
 def held_share(track: Track) -> float:

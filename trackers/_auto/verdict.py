@@ -47,7 +47,6 @@ WORDS: Mapping[str, Said] = {
     "faint": ("faint", "the tracked object barely differs from its surroundings", BY_MARK),
     "kinks": ("jumps", "its path is broken by more than a radius in {share:.0%} of the frames", BY_MARK),
     "barely moves": ("ambiguous", "it moves by {radii:.1f} radii only", BY_MARK),
-    "size changes": ("another-body", "its size changes back and forth by {share:.0%}", BY_MARK),
     "held": HELD,
     "at the edge": HELD,
     "ragged": ("another-body", "the moving object is ragged, as people are", BY_MARK),
