@@ -3,8 +3,9 @@
 The marks are in ``tests/real_marks``, one table a clip beside the list ``clips.csv``. They were read from enlarged
 frames with a pixel grid, those of ``world`` and ``world2`` before any tracker was run on them; the others were known.
 The clips of ``world2`` are in the order of the SHA-256 of their paths, and every second one is sealed: scored, not
-looked at. Half of those of ``world`` were sealed before, and are open now. Two marks were corrected after tracks were
-seen: the ball of ``throw-classroom`` is held overhead in frames 5 and 15, and was taken to be out of view.
+looked at. Half of those of ``world`` were sealed before, and ``roll-cue-snooker`` until it was scored wrong: these are
+open now. Two marks were corrected after tracks were seen: the ball of ``throw-classroom`` is held overhead in frames 5
+and 15, and was taken to be out of view.
 """
 
 from __future__ import annotations
