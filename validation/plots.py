@@ -24,7 +24,7 @@ from validation.gallery import INK, LINES, STYLE
 RESULTS = Path(__file__).parent / "results"
 FIGURES = Path(__file__).parent.parent / "docs" / "validation" / "figures"
 WIDTH_IN, ROW_IN, FRAME_IN = 7.0, 0.2, 0.9
-MAX_LABEL = 44  # letters
+MAX_LABEL = 48  # letters
 NUMBER = re.compile(r"[-+−]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 COLOURS = (LINES[2], "#999999", LINES[1], LINES[0])  # in order: good, neutral, bad
 
@@ -48,7 +48,7 @@ class Plot:
 
 
 PLOTS: Mapping[str, Plot] = {
-    "audit": Plot("audit", ("Unnamed: 0",), ("numbers",), "published numbers"),
+    "audit": Plot("audit", ("outcome",), ("numbers",), "published numbers"),
     "benchmark": Plot("benchmark-selection", ("data", "method"), ("accuracy (%)",), "right model (%)", target=100.0),
     "calibration": Plot("calibration-fall-4k", ("seed",), ("g m/s²",), "g (m/s²), truth 9.80665", target=9.80665),
     "diagnosis": Plot("blind-independent", ("hidden",), ("in class",), "named, or in the class named (%)"),
