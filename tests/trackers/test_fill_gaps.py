@@ -40,6 +40,12 @@ def test_gap_is_filled_where_the_body_is_seen_and_known_to_a_third_of_its_radius
     assert track.sigma_px[:10].max() < 0.1
 
 
+def test_filled_place_is_no_better_known_than_those_beside_it():
+    track, clip = with_gap(moving_disc(PATH, RADIUS, SHAPE))
+    rough = replace(track, sigma_px=np.where(track.valid[:, None], 7.0, np.nan))
+    np.testing.assert_allclose(filled(rough, clip).sigma_px[GAP], 7.0)
+
+
 def test_frames_in_which_the_body_is_held_or_hidden_stay_gaps():
     track, clip = with_gap(moving_disc(PATH, RADIUS, SHAPE))
     assert not filled(replace(track, hand=~track.valid), clip).valid[GAP].any()

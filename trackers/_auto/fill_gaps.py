@@ -128,7 +128,9 @@ def _with_positions(track: Track, places: Mapping[int, Place]) -> Track:
     radius = np.full(len(rows), usual_radius(track))
     if track.radius_px is not None and (known := np.flatnonzero(track.radius_px > 0)).size:
         radius = np.interp(rows, known, track.radius_px[known])
-    error = np.maximum(ROUGH * radius, 0.5)
+    seen = np.flatnonzero(track.valid)
+    beside = np.array([np.interp(rows, seen, of_axis) for of_axis in track.sigma_px[seen].T]).max(axis=0)
+    error = np.maximum(np.maximum(ROUGH * radius, 0.5), beside)
     xy_px, sigma_px, valid = track.xy_px.copy(), track.sigma_px.copy(), track.valid.copy()
     xy_px[rows] = np.array(list(places.values())).reshape(-1, 2)
     sigma_px[rows] = error[:, np.newaxis]
