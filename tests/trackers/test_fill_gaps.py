@@ -42,7 +42,7 @@ def test_gap_is_filled_where_the_body_is_seen_and_known_to_a_third_of_its_radius
 
 def test_filled_place_is_no_better_known_than_those_beside_it():
     track, clip = with_gap(moving_disc(PATH, RADIUS, SHAPE))
-    rough = replace(track, sigma_px=np.where(track.valid[:, None], 7.0, np.nan))
+    rough = replace(track, sigma_px=np.full_like(track.sigma_px, 7.0))
     np.testing.assert_allclose(filled(rough, clip).sigma_px[GAP], 7.0)
 
 
