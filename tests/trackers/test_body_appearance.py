@@ -1,10 +1,11 @@
 """A body is found where its colours, its pattern or its motion are ambiguous, but not all of them."""
 
+import cv2
 import numpy as np
 import pytest
 
 from tests._drawn import disc, noisy, paint
-from trackers._auto.body_appearance import BodyAppearance
+from trackers._auto.body_appearance import BodyAppearance, _pattern
 from trackers._auto.marked_size import size_at
 
 SHAPE, WALL, RED, RADIUS = (120, 160), (90.0, 130.0, 120.0), (110.0, 170.0, 110.0), 7.0
@@ -75,3 +76,16 @@ def test_size_of_what_is_marked_is_that_of_what_moves_there_not_of_the_liquid_ar
     jar[30:110, 20:140] = (60.0, 110.0, 170.0)
     images = filmed(jar, colour=(45.0, 112.0, 165.0), radius=radius)
     assert size_at(images[6], tuple(PATH[6]), images) == pytest.approx(radius, rel=0.25)
+
+
+def test_pattern_in_strips_is_that_of_the_whole_image_where_it_is_wanted():
+    luma = np.random.default_rng(0).integers(0, 255, (150, 90), dtype=np.uint8)
+    patch = luma[60:71, 30:41].copy()
+    wanted = np.zeros(luma.shape, np.bool_)
+    wanted[2:140, 3:80:7] = True
+    whole = np.zeros(luma.shape)
+    whole[5:-5, 5:-5] = np.maximum(cv2.matchTemplate(luma, patch, cv2.TM_CCOEFF_NORMED), 0.0)
+    found = _pattern(luma, [patch], wanted)
+    np.testing.assert_allclose(found[wanted], whole[wanted], atol=1e-4)
+    assert found[65, 35] == pytest.approx(1.0, abs=1e-4)
+    assert not found[:, 85:].any()
