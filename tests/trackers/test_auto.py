@@ -13,7 +13,7 @@ from tests._drawn import DrawnClip, disc, moving_disc, noisy, paint, swing
 from trackers._auto.appearance import Peaks
 from trackers._auto.best_path import best_path
 from trackers._auto.candidates import TrackingStrategy
-from trackers._auto.choose import TrackerSelection, contradicted, no_worse_filled
+from trackers._auto.choose import FILLED, TrackerSelection, contradicted, no_worse_filled
 from trackers._auto.evidence import (
     Patches,
     disc_not_followed,
@@ -342,7 +342,7 @@ def dropped_by_a_fist(held=10, falling=14, n=60, shape=(120, 160)):
 def test_ball_that_falls_away_from_the_camera_is_followed_and_not_the_fist():
     clip, radius = dropped_by_a_fist()
     (track,) = AUTO.track(clip, TrackOptions())
-    assert track.origin["chosen"].startswith("disc")
+    assert track.origin["chosen"] == "disc" + FILLED
     assert track.valid.mean() > 0.95
     np.testing.assert_allclose(track.radius_px[track.valid], radius[track.valid], atol=0.5)
 
