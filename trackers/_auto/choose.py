@@ -6,13 +6,11 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
-import numpy as np
-
 from iris_sysid.errors import TrackingError
 from iris_sysid.registry import TRACKERS
 from iris_sysid.types import FrameSource, Track, TrackCandidate, TrackOptions
 from trackers._auto.candidates import LED, TrackingStrategy, check_marks, marks_by_body, way_by_marks, ways_by_looks
-from trackers._auto.evidence import held_rows, missed_marks, two_on_one
+from trackers._auto.evidence import lost_rows, missed_marks, two_on_one
 from trackers._auto.fill_gaps import with_gaps_filled, with_marks
 from trackers._auto.sampled_once import SampledOnce
 from trackers._auto.scene import SampledScene
@@ -218,4 +216,4 @@ def _ways(choice: TrackerSelection) -> Iterator[TrackingStrategy]:
 
 def _has_gaps(candidate: TrackCandidate) -> bool:
     """Whether a body is neither found nor held in some frames."""
-    return any(not np.all(track.valid | held_rows(track)) for track in candidate.tracks)
+    return any(lost_rows(track).any() for track in candidate.tracks)

@@ -144,6 +144,11 @@ def held_rows(track: Track) -> Mask:
     return np.zeros(track.valid.size, np.bool_) if track.hand is None else track.hand
 
 
+def lost_rows(track: Track) -> Mask:
+    """Where (n,) the body is neither found nor held."""
+    return ~track.valid & ~held_rows(track)
+
+
 def _radius(track: Track, row: int) -> float:
     radius = track.radius_px[row] if track.radius_px is not None else np.nan
     return float(radius) if np.isfinite(radius) else usual_radius(track)
@@ -207,8 +212,8 @@ def missed(track: Track, scene: SampledScene, others: Sequence[Track]) -> float:
 
 def samples_missed(track: Track, scene: SampledScene, others: Sequence[Track]) -> list[int]:
     """The samples in which the body is clearly visible and the track has lost it."""
-    held, rows, places = held_rows(track), scene.rows(track), scene.places(track)
-    lost = [k for k, row in rows.items() if not track.valid[row] and not held[row]]
+    is_lost, rows, places = lost_rows(track), scene.rows(track), scene.places(track)
+    lost = [k for k, row in rows.items() if is_lost[row]]
     if len(places) < MIN_PATCHES or not lost or track.radius_px is None:
         return []
     reach = usual_radius(track)

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import takewhile
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from iris_sysid.types import Array, Frame, FrameSource, Mask, Track, TrackMark
+from iris_sysid.types import Array, Frame, FrameSource, Track, TrackMark
 from trackers._auto.appearance import NOWHERE, Peaks, search_image
 from trackers._auto.best_path import MARKED, best_path
-from trackers._auto.evidence import held_rows, missed_marks, passes, usual_radius
+from trackers._auto.evidence import lost_rows, missed_marks, passes, usual_radius
 from trackers._auto.follow_appearance import APART, REACH_RADII, REACH_SHARE, ROUGH
 from trackers._auto.known_body import KnownBody
 from trackers._auto.scene import Place, SampledScene
@@ -41,7 +42,7 @@ def with_gaps_filled(video: FrameSource, scene: SampledScene, track: Track, othe
         Of other bodies: where one of them is, this one is not.
     """
     shown = scene.places(track)
-    if len(shown) < MIN_SEEN or track.radius_px is None:
+    if len(shown) < MIN_SEEN or track.radius_px is None or not lost_rows(track).any():
         return track
     view = scene.view
     known = KnownBody.learned(scene, shown, usual_radius(track) / view.step, others)
@@ -70,8 +71,7 @@ def _places(
     video: FrameSource, view: WorkingView, track: Track, known: KnownBody, others: Sequence[Track]
 ) -> list[Peaks]:
     """Where the body may be in each frame, px of the search image: on the track, or where it is clearly visible."""
-    lost: Mask = ~track.valid & ~held_rows(track)
-    row_of = {int(number): row for row, number in enumerate(track.frame) if lost[row]}
+    row_of = {int(track.frame[row]): int(row) for row in np.flatnonzero(lost_rows(track))}
     places = [NOWHERE] * len(track.frame)
     for row in np.flatnonzero(track.valid):
         places[row] = Peaks(np.array([view.in_search(*track.xy_px[row])]), np.array([MARKED]))
@@ -82,7 +82,9 @@ def _places(
         taken = [any(passes(other, frame.index, view.in_frame(*xy), reach) for other in others) for xy in found.xy]
         return frame.index, found.where(~np.array(taken, np.bool_))
 
-    for number, free in ahead(free_in, (frame for frame in video.frames() if frame.index in row_of)):
+    last = max(row_of)
+    frames = takewhile(lambda frame: frame.index <= last, video.frames())
+    for number, free in ahead(free_in, (frame for frame in frames if frame.index in row_of)):
         places[row_of[number]] = free
         if number > end and not len(free.score):
             break
