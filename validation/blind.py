@@ -49,9 +49,9 @@ class Outcome:
     """The hidden effects of a case and the result of its diagnosis.
 
     ``factors`` are the hidden sizes over the smallest detectable ones (given the other effect, where two are hidden),
-    ``found`` whether each is the effect added or in its stated class, ``off`` how far each size is off, in half-widths
-    of its 95 % interval, NaN where another name was given;
-    ``wrong`` are the added effects whose class holds no hidden effect, ``excess`` is the final error over the noise.
+    ``found`` whether each is the effect added, or in its stated class or group, ``off`` how far each size is off, in
+    half-widths of its 95 % interval, NaN where another name was given; ``wrong`` are the added effects whose class or
+    group holds no hidden effect, ``excess`` is the final error over the noise.
     """
 
     model: str
@@ -203,7 +203,9 @@ def outcome_of(
     noise
         Standard deviation of the measurement noise.
     """
-    classes = [{effect.name, *diagnosis.indistinguishable[effect.name]} for effect in diagnosis.added]
+    groups = [set(finding.effects) for finding in diagnosis.findings if finding.word == "group"]
+    alike = {effect.name: {effect.name, *diagnosis.indistinguishable[effect.name]} for effect in diagnosis.added}
+    classes = [names.union(*(group for group in groups if name in group)) for name, names in alike.items()]
     return Outcome(
         model=diagnosis.base.model.name,
         hidden=hidden,

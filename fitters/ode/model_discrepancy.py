@@ -2,19 +2,21 @@
 
 Where the residual is more than noise, what the equation lacks has also moved the fitted values, by an amount that the
 residual does not show. So the missing part is expanded in forms: forces and errors of the reading that are functions
-of position, velocity and time. Their coefficients have a normal prior of one common size, relative to the forces and
-to the range of the motion (Kennedy and O'Hagan 2001, J. R. Stat. Soc. B 63, 425; on the need for a prior of physical
-form: Brynjarsdottir and O'Hagan 2014, Inverse Problems 30, 114007). Its size is that of largest marginal likelihood,
-in noise whose autocorrelation is estimated beside the forms; noise alone with another autocorrelation is the rival
-hypothesis. As a rule one thing is missing and not a little of
-everything, so each form by itself counts as well, the better the more of the residual it explains.
+of position, velocity and time (Kennedy and O'Hagan 2001, J. R. Stat. Soc. B 63, 425; on the need for a prior of
+physical form: Brynjarsdottir and O'Hagan 2014, Inverse Problems 30, 114007). As a rule a few things are missing and
+not a little of everything: the values' errors are averaged over sets of a few forms, which count the more, the more of
+the residual they explain (Bayesian model averaging: Hoeting et al. 1999, Stat. Sci. 14, 382).
+
+Whether the residual is more than noise is asked of all forms together: their coefficients have a normal prior of the
+common size of largest marginal likelihood, in noise whose autocorrelation is estimated beside the forms; noise alone
+with another autocorrelation is the rival hypothesis.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
-from itertools import chain, islice
+from dataclasses import dataclass
+from itertools import chain
 from typing import cast
 
 import numpy as np
@@ -42,7 +44,7 @@ SOURCE = "model discrepancy"
 DECISIVE = 10.0  # twice the log likelihood ratio above which the residual is more than noise: a chance of 1e-3
 MISFIT = 1.5  # residual over noise above which a significant discrepancy is called a misfit
 MAX_SAMPLES = 600  # a discrepancy is smooth: every k-th sample tells it
-SAMPLES_A_FORM = 4  # at least, so that enough is left to estimate the noise
+SAMPLES_A_FORM = 4  # at least, of the forms that the noise is estimated beside, the simplest first
 WAVES = 10  # cosines over the clip, the fastest with five periods
 SAMPLES_A_WAVE = 30  # at least
 MAX_ORDER = 2  # of the autoregression of the noise beside the forms
@@ -52,10 +54,12 @@ WORST_CONDITION = 1e8  # of the transition matrix, which loses digits as initial
 IMITATED = 0.01  # a form that the values imitate but for this fraction redefines them: no discrepancy
 SOFT = 0.05  # of the largest speed, within which dry friction turns over
 SIZES = (1e-6, 10.0)  # of the discrepancy, relative to the forces and the range of the motion
-# Samples that a misfit counts for when forms are weighed against each other: with fewer every form counts, with more
-# only the best. 10 covers on the looked-at cases of `python -m validation.misfit`.
+# Samples that a misfit counts for when sets of forms are weighed against each other: with fewer every set counts, with
+# more only the best. 10 covers on the looked-at cases of `python -m validation.misfit`.
 INDEPENDENT = 10.0
 MAX_TIMES = 3.0  # the coefficient of the form that explains most: what is missing is rarely larger
+MAX_FORMS = 3  # of a set: on halves of real recordings two to four give the same errors, and one is too few
+MIN_SIZE = 1e-150  # whose square can be divided by
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -121,7 +125,7 @@ def _expanded(
     part = target.every(every)
     residual = part.weighted(part.observed - solution.predicted[::every])
     jacobian, most = part.weighted(sensitivity[::every]), residual.size // SAMPLES_A_FORM
-    forms = np.array([part.weighted(form) for form in islice(_forms(solution, every, int(part.used.sum())), most)]).T
+    forms = np.array([part.weighted(form) for form in _forms(solution, every, int(part.used.sum()))]).T
     if forms.size == 0:
         return None
     forms = forms[:, np.isfinite(forms).all(axis=0) & np.any(forms, axis=0)]
@@ -129,13 +133,18 @@ def _expanded(
     moves = bread @ (jacobian.T @ forms)
     unseen = forms - jacobian @ moves
     kept = np.linalg.norm(unseen, axis=0) > IMITATED * np.linalg.norm(forms, axis=0)
-    if not kept.any():
+    if not kept.any() or most == 0:
         return None
-    t_s, columns = solution.problem.t_s[::every], np.hstack([jacobian, unseen[:, kept]])
+    unseen, moves = unseen[:, kept], moves[:, kept]
+    t_s, columns = solution.problem.t_s[::every], np.hstack([jacobian, unseen[:, :most]])
     beside, alone = (_Noise.of(part, t_s, residual, basis, measured) for basis in (columns, jacobian))
-    found = _discrepancy(beside, residual, jacobian, bread, unseen[:, kept], moves[:, kept])
+    own = orthonormal_basis(beside.whitened(jacobian))
+    white = beside.whitened(np.column_stack([residual, unseen]))
+    white = white - own @ (own.T @ white)
+    shifts = _shifts(white[:, 0], white[:, 1:], moves)
     gain = alone.minus_two_log(residual, jacobian) - beside.minus_two_log(residual, jacobian)
-    return replace(found, log_ratio=found.log_ratio + gain)
+    log_ratio = gain + _log_ratio(white[:, 0], white[:, 1 : 1 + most])
+    return Discrepancy(shifts, beside.covariance(jacobian, bread), log_ratio, beside.over(residual))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -216,27 +225,73 @@ def _low_order(residual: Array, basis: Array) -> Autoregression:
     return Autoregression.of(residual, basis, np.asarray(EDGE * np.tanh(found.x)))
 
 
-def _discrepancy(
-    noise: _Noise, residual: Array, jacobian: Array, bread: Array, unseen: Array, moves: Array
-) -> Discrepancy:
-    """The discrepancy from what the values do not imitate of each form (m, c), and how it moves them (k, c)."""
-    white = noise.whitened(np.column_stack([residual, unseen, jacobian]))
-    own = orthonormal_basis(white[:, 1 + unseen.shape[1] :])
-    white = white[:, : 1 + unseen.shape[1]]
-    white = white - own @ (own.T @ white)
-    left, singular, right = np.linalg.svd(white[:, 1:], full_matrices=False)
-    along = left.T @ white[:, 0]
-    size, log_ratio = _size(along, singular)
-    # Forms that barely show must not grow all the others: a usual one makes the residual by itself at this size.
-    size = min(size, float(np.linalg.norm(white[:, 0]) / np.median(np.linalg.norm(white[:, 1:], axis=0))))
-    size = min(size, MAX_TIMES * _of_the_best(white[:, 0], white[:, 1:]))
-    moment = _spread_over_all(along, singular, moves @ right.T, size)
-    moment += size**2 * _product(moves - moves @ right.T @ right)  # no residual tells of these: as large as the others
-    moment += _each_alone(white[:, 0], white[:, 1:], moves, float(along @ along))
+def _shifts(residual: Array, forms: Array, moves: Array) -> Array:
+    """Patterns (k, k) of the values' errors: what sets of the forms (m, c) that may be missing move them (k, c)."""
+    moment = np.zeros((len(moves), len(moves)))
+    for weight, missing in _weighed(residual, forms):
+        moved = moves[:, missing.forms]
+        moment += weight * _product(np.column_stack([moved @ missing.sizes, moved @ missing.root]))
     values, vectors = np.linalg.eigh(moment)
     few = quantile_975(INDEPENDENT) / quantile_975(np.inf)  # the size is known from few samples
-    shifts = np.asarray((few * vectors * np.sqrt(np.maximum(values, 0.0))).T)
-    return Discrepancy(shifts, noise.covariance(jacobian, bread), log_ratio, noise.over(residual))
+    return np.asarray((few * vectors * np.sqrt(np.maximum(values, 0.0))).T)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Missing:
+    """Forms that may be missing together.
+
+    Their numbers, the posterior mean ``sizes`` (m,) of their coefficients and a ``root`` (m, m) of its covariance, and
+    the sum of squares that they explain.
+    """
+
+    forms: list[int]
+    sizes: Array
+    root: Array
+    explained: float
+
+
+def _weighed(residual: Array, forms: Array) -> list[tuple[float, _Missing]]:
+    """Sets of the forms (m, c) that may be missing, and their weights by what they leave of a residual (m,)."""
+    sets = _sets(forms.T @ residual, forms.T @ forms, MAX_TIMES * _of_the_best(residual, forms))
+    left = 1.0 - np.array([each.explained for each in sets]) / max(float(residual @ residual), 1e-300)
+    count = np.array([len(each.forms) for each in sets])
+    minus_half_bic = -0.5 * (INDEPENDENT * np.log(np.maximum(left, 1e-12)) + count * np.log(INDEPENDENT))
+    weights = np.exp(minus_half_bic - minus_half_bic.max())
+    return list(zip((weights / weights.sum()).tolist(), sets, strict=True))
+
+
+def _sets(products: Array, overlap: Array, size: float) -> list[_Missing]:
+    """Each form with none, one and two more, each the one that explains most of what is left; no set twice.
+
+    Parameters
+    ----------
+    products, overlap
+        (c,) of the forms with the residual, and (c, c) of the forms with one another.
+    size
+        Standard deviation of the normal prior of a coefficient.
+    """
+    found: dict[frozenset[int], _Missing] = {}
+    alone, precision = np.diag(overlap), max(size, MIN_SIZE) ** -2.0
+    for first in range(products.size):
+        forms = [first]
+        while len(forms) <= MAX_FORMS:
+            key = frozenset(forms)
+            if key not in found:
+                found[key] = _together(forms, products[forms], overlap[np.ix_(forms, forms)], precision)
+            known = found[key]
+            left = products - overlap[:, known.forms] @ known.sizes
+            gain = left**2 / (alone + precision)
+            gain[forms] = -1.0
+            forms = [*forms, int(np.argmax(gain))]
+    return list(found.values())
+
+
+def _together(forms: list[int], products: Array, overlap: Array, precision: float) -> _Missing:
+    """The coefficients of some forms at once."""
+    values, vectors = np.linalg.eigh(overlap + precision * np.eye(len(forms)))
+    root = vectors / np.sqrt(values)
+    sizes = root @ (root.T @ products)
+    return _Missing(forms, sizes, root, float(2.0 * sizes @ products - sizes @ overlap @ sizes))
 
 
 def _of_the_best(residual: Array, forms: Array) -> float:
@@ -247,8 +302,13 @@ def _of_the_best(residual: Array, forms: Array) -> float:
     return float(products[best] / max(squares[best], 1e-300))
 
 
-def _size(along: Array, singular: Array) -> tuple[float, float]:
-    """The common size of the coefficients of largest marginal likelihood, and twice its log ratio to that of none."""
+def _log_ratio(residual: Array, forms: Array) -> float:
+    """Twice the log ratio of the marginal likelihood of a residual (m,) with all forms (m, c) and with none.
+
+    Their coefficients have one common size, that of largest likelihood.
+    """
+    left, singular, _ = np.linalg.svd(forms, full_matrices=False)
+    along = left.T @ residual
 
     def minus_two_log(log_size: float) -> float:
         variance = np.exp(2 * log_size) * singular**2 + 1.0
@@ -257,26 +317,7 @@ def _size(along: Array, singular: Array) -> tuple[float, float]:
     grid = np.linspace(float(np.log(SIZES[0])), float(np.log(SIZES[1])), 33)
     best, step = float(min(grid, key=minus_two_log)), float(grid[1] - grid[0])
     found = minimize_scalar(minus_two_log, bounds=(best - step, best + step), method="bounded")
-    return float(np.exp(found.x)), float(along @ along) - float(found.fun)
-
-
-def _spread_over_all(along: Array, singular: Array, moves: Array, size: float) -> Array:
-    """Mean product (k, k) of the values' errors where a little of every form is missing: the posterior of them all."""
-    shrunk = size**2 * singular / (size**2 * singular**2 + 1.0)
-    left = size**2 * (1.0 - shrunk * singular)
-    return _product(moves @ (shrunk * along)[:, None]) + _product(moves * np.sqrt(np.maximum(left, 0.0)))
-
-
-def _each_alone(residual: Array, forms: Array, moves: Array, explained: float) -> Array:
-    """Mean product (k, k) of the values' errors where one form is missing, weighed by its part of what all explain."""
-    lengths = np.linalg.norm(forms, axis=0)
-    lengths = np.where(lengths > 0, lengths, np.inf)
-    components = forms.T @ residual / lengths
-    largest = MAX_TIMES * _of_the_best(residual, forms)  # a form that the values nearly imitate explains at any size
-    sizes = np.clip(components / lengths, -largest, largest)
-    unexplained = np.clip(1.0 - components**2 / max(explained, 1e-300), 1e-6, 1.0)
-    weights = unexplained ** (-INDEPENDENT / 2)
-    return _product(moves * (sizes * np.sqrt(weights / weights.sum())))
+    return float(along @ along) - float(found.fun)
 
 
 def _product(rows: Array) -> Array:
@@ -376,7 +417,11 @@ def _forms(solution: Solution, every: int, n: int) -> Iterator[Array]:
     t_s, seen = solution.problem.t_s[::every], solution.predicted[::every]
     rate = np.gradient(seen, t_s, axis=0)
     waves = _waves(t_s, int(np.clip(n // SAMPLES_A_WAVE, 1, WAVES)))
-    sensors = [_readings(seen, k, _of_state(_centred(seen[:, k]), rate[:, k])) for k in range(seen.shape[1])]
+    units = [quantity.unit for quantity in solution.problem.model.observed]
+    sensors = [
+        _readings(seen, k, [*_of_state(_centred(seen[:, k]), rate[:, k]), *_of_view(seen[:, k], unit)])
+        for k, unit in enumerate(units)
+    ]
     later = [_readings(seen, k, _of_time(seen[:, k], rate[:, k], waves)) for k in range(seen.shape[1])]
     if motion is None:
         yield from chain(*sensors, *later)
@@ -415,6 +460,11 @@ def _of_state(u: Array, velocity: Array) -> list[Array]:
     sign = w / np.sqrt(w**2 + SOFT**2)
     powers = [u, np.ones_like(u), w, w * np.abs(w), sign, u**3, u**2, w**2, w**3, np.abs(u)]
     return [*powers, u * w, u**2 * w, u * w**2]
+
+
+def _of_view(seen: Array, unit: str) -> list[Array]:
+    """Functions (n,) of an angle that a picture of unequal scales, or of an oblique view, adds to it."""
+    return [np.sin(2 * seen), np.cos(2 * seen)] if unit == "rad" else []
 
 
 def _of_time(base: Array, velocity: Array, waves: Array) -> list[Array]:

@@ -58,6 +58,16 @@ def test_fit_that_lacks_a_force_is_a_misfit_and_its_length_is_within_the_interva
     assert length.stderr < 0.1 * LENGTH  # no better off with an interval that holds everything
 
 
+@pytest.mark.parametrize("aspect", [1.03, 0.97])
+def test_pendulum_filmed_with_unequal_scales_has_its_length_within_the_interval(aspect):
+    clip = swing()
+    result = fit(clip_of(clip.t_s, np.arctan(aspect * np.tan(clip.position))), PENDULUM)
+    length = result.estimates["length"]
+    assert result.status == "misfit"
+    assert length.interval[0] < LENGTH < length.interval[1]
+    assert length.stderr < 0.01 * LENGTH
+
+
 def test_fit_that_lacks_nothing_has_no_discrepancy_and_the_same_errors():
     for seed in range(5):
         result = fit(swing(seed=seed), PENDULUM)
