@@ -41,6 +41,7 @@ from fitters.ode.rest_position import calls_for_rest, held_zeros, is_better
 from fitters.ode.result import Lacking, conclude, errors_of, information_loss, linearise
 from fitters.ode.status import at_bounds, diverged
 from fitters.own_model.ties import stated_by
+from iris_sysid.one_thread import on_one_thread
 from iris_sysid.registry import MODELS
 from iris_sysid.trajectory.consistency.angle_unit import short_pendulum_doubt
 from iris_sysid.types import (
@@ -63,6 +64,7 @@ PRIOR_ROUNDS, SETTLED = 4, 0.02  # fits with a new weight of the priors, and its
 MIN_DEVIATION = 3.0  # in units of the noise, for a sample to count as an outlier
 
 
+@on_one_thread
 def fit(
     trajectory: Trajectory,
     model: str | OdeModel,

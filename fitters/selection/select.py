@@ -12,6 +12,7 @@ from fitters.ode.fit_problem import select
 from fitters.selection.candidates import Trial, all_tried
 from fitters.selection.observables import ObservableCandidate, Raw, combined, observables_of, raw_of
 from iris_sysid.errors import FitError
+from iris_sysid.one_thread import on_one_thread
 from iris_sysid.registry import MODELS
 from iris_sysid.types import Mask, ModelCandidate, ModelChoice, OdeModel, Trajectory, departure
 
@@ -23,6 +24,7 @@ CORRELATED = 0.9  # at lag one, and beyond: the residual has the form of a motio
 STRONG = 6.0  # BIC, of independent samples: less is not strong evidence (Kass and Raftery 1995, J. Am. Stat. Assoc. 90)
 
 
+@on_one_thread
 def select_model(
     bodies: Trajectory | Sequence[Trajectory],
     bank: Mapping[str, OdeModel] | Sequence[str | OdeModel] = MODELS,

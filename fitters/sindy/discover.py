@@ -22,7 +22,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]  # ships none
 
 from fitters.input_hold import residual_over_noise
 from fitters.sindy.library import (
@@ -46,6 +45,7 @@ from fitters.sindy.residual import beyond
 from fitters.sindy.sparse_regression import Kept, predicted_best, proposed
 from fitters.sindy.weak_form import Piece, Rows, pieces_of, rows_of
 from iris_sysid.errors import DataError, FitError
+from iris_sysid.one_thread import on_one_thread
 from iris_sysid.types import (
     NORMAL_975,
     Array,
@@ -63,6 +63,7 @@ BETTER = 0.5  # of the residual of an equation of first order, below which one o
 ALIKE = 3.84  # chi-squared, one degree of freedom, 95 %: choices that differ by less are indistinguishable
 
 
+@on_one_thread
 def discover(
     trajectories: Trajectory | Sequence[Trajectory],
     *,
@@ -126,14 +127,13 @@ def discover(
         choice, shares = beyond(clips, library, own, rng, resampled)
         return _discovery(library, choice, own, shares, [], *_compared(clips, library, choice, constants))
 
-    with threadpool_limits(limits=1, user_api="blas"):  # the matrices are small: threads cost more time than they save
-        discovery = found(moving=False)
-        amounts = all(kind_of(quantity) == "amount" for quantity in clips[0].quantities)
-        if amounts and residual_of is None and discovery.status == "misfit":  # a unit as V tells no order
-            with suppress(FitError):
-                second = found(moving=True)
-                if residual_over_noise(second.fits) < BETTER * residual_over_noise(discovery.fits):
-                    discovery = second
+    discovery = found(moving=False)
+    amounts = all(kind_of(quantity) == "amount" for quantity in clips[0].quantities)
+    if amounts and residual_of is None and discovery.status == "misfit":  # a unit as V tells no order
+        with suppress(FitError):
+            second = found(moving=True)
+            if residual_over_noise(second.fits) < BETTER * residual_over_noise(discovery.fits):
+                discovery = second
     return replace(discovery, origin=_origin(clips))
 
 

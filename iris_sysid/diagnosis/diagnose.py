@@ -44,6 +44,7 @@ from iris_sysid.diagnosis.search_report import SearchReport, holds_zero
 from iris_sysid.diagnosis.stepwise_search import StepwiseSearch
 from iris_sysid.diagnosis.time_budget import STOPPED, TimeBudget
 from iris_sysid.errors import FitError
+from iris_sysid.one_thread import on_one_thread
 from iris_sysid.registry import EFFECTS, MODELS
 from iris_sysid.trajectory.smoothing import smooth
 from iris_sysid.types import (
@@ -72,6 +73,7 @@ FOLLOWED = 0.5  # of the variance of a driven motion, which a free run that foll
 SEARCH_SHARE = 0.7  # of the time allowed, for the search by blocks
 
 
+@on_one_thread
 def diagnose(
     trajectories: Trajectory | Sequence[Trajectory],
     model: str | OdeModel,

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Generic, TypeVar
 
+from iris_sysid.one_thread import on_one_thread
 from iris_sysid.video.sandbox import limit_process
 
 Job = TypeVar("Job")
@@ -26,16 +27,8 @@ class Batch(Generic[Job, Outcome]):
     lost: Callable[[Path, Job], Outcome]
 
 
+@on_one_thread
 def limited(work: Callable[[Path, Job], Outcome], folder: Path, job: Job) -> Outcome:
     """Do a job within limits of memory and time for this process, which a file that is not trusted could exhaust."""
     limit_process()
-    return one_thread(work, folder, job)
-
-
-def one_thread(work: Callable[[Path, Job], Outcome], folder: Path, job: Job) -> Outcome:
-    """Do a job with one thread of linear algebra: sums in several threads differ in the last digit."""
-    import scipy.linalg  # noqa: F401  # its library is limited only when it is loaded
-    from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]  # ships none
-
-    with threadpool_limits(1, "blas"):
-        return work(folder, job)
+    return work(folder, job)

@@ -20,7 +20,8 @@ from typing import TYPE_CHECKING
 
 from iris_sysid.errors import DataError, IrisError
 from iris_sysid.io.files import origin_of
-from iris_sysid.pipeline.batch import Batch, Job, Outcome, limited, one_thread
+from iris_sysid.one_thread import on_one_thread
+from iris_sysid.pipeline.batch import Batch, Job, Outcome, limited
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -162,7 +163,7 @@ def carry_out(environment: Mapping[str, str], work: Callable[[Path, Job], Outcom
     if not folder.is_dir():
         raise DataError(f"worker {get_worker().address} does not find {folder}; write to a folder that all share")
     # a nanny starts a worker again that its limits end
-    return limited(work, folder, job) if get_worker().nanny else one_thread(work, folder, job)
+    return limited(work, folder, job) if get_worker().nanny else on_one_thread(work)(folder, job)
 
 
 def _check_worker(environment: Mapping[str, str]) -> None:

@@ -9,7 +9,8 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from concurrent.futures.process import BrokenProcessPool
 
 from iris_sysid.errors import DataError
-from iris_sysid.pipeline.batch import Batch, Job, Outcome, limited, one_thread
+from iris_sysid.one_thread import on_one_thread
+from iris_sysid.pipeline.batch import Batch, Job, Outcome, limited
 
 MAX_WORKERS = 256
 JOBS_A_PROCESS = 8  # what libraries keep of each job, up to 60 MB, goes with the process; a new one takes 2 s
@@ -38,7 +39,7 @@ def run_parallel(batch: Batch[Job, Outcome], jobs: Sequence[Job], workers: Worke
         yield from on_cluster(batch, jobs, workers)
     elif workers == 0:
         for job in jobs:
-            yield job, one_thread(batch.work, batch.folder, job)
+            yield job, on_one_thread(batch.work)(batch.folder, job)
     else:
         yield from _in_processes(batch, jobs, workers)
 
