@@ -51,7 +51,8 @@ class Outcome:
     ``factors`` are the hidden sizes over the smallest detectable ones (given the other effect, where two are hidden),
     ``found`` whether each is the effect added, or in its stated class or group, ``off`` how far each size is off, in
     half-widths of its 95 % interval, NaN where another name was given; ``wrong`` are the added effects whose class or
-    group holds no hidden effect, ``excess`` is the final error over the noise.
+    group holds no hidden effect, ``excess`` is the final error over the noise. ``without_name``: something was found
+    that got no name, located or open.
     """
 
     model: str
@@ -62,6 +63,7 @@ class Outcome:
     added: tuple[str, ...]
     wrong: tuple[str, ...]
     excess: float
+    without_name: bool = False
 
 
 def measured(model: OdeModel, values: Mapping[str, float], rng: np.random.Generator) -> Trajectory:
@@ -217,6 +219,7 @@ def outcome_of(
             effect.name for effect, names in zip(diagnosis.added, classes, strict=True) if not names & set(hidden)
         ),
         excess=diagnosis.after.fitted / noise,
+        without_name=any(finding.word in ("located", "open") for finding in diagnosis.findings),
     )
 
 
@@ -254,6 +257,9 @@ def table(outcomes: Sequence[Outcome]) -> pd.DataFrame:
                 "hidden size": label,
                 "effects": len(part),
                 "named or in the class": percent([outcome.found[k] for outcome, k in part]),
+                "else found without a name": percent(
+                    [outcome.without_name and not outcome.found[k] and not outcome.wrong for outcome, k in part]
+                ),
                 "interval covers": percent(np.abs(off[np.isfinite(off)]) < 1.0),
                 "where all was named": percent(np.abs(alone[np.isfinite(alone)]) < 1.0),
                 "wrong name in the case": percent([bool(outcome.wrong) for outcome, _ in part]),
