@@ -6,6 +6,7 @@ import scipy.linalg  # noqa: F401  # has a library of its own
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from iris_sysid import MODELS, diagnose, fit, fit_clips, plan, select_model
+from iris_sysid.calibration.board.calibrate import calibrate_board
 from iris_sysid.one_thread import on_one_thread
 
 
@@ -31,7 +32,7 @@ def test_number_of_threads_comes_back_after_an_error(two_threads):
     assert blas_threads() == two_threads
 
 
-@pytest.mark.parametrize("entry", [fit, fit_clips, select_model, diagnose, plan])
+@pytest.mark.parametrize("entry", [fit, fit_clips, select_model, diagnose, plan, calibrate_board])
 def test_entries_of_the_library_are_limited(entry, two_threads):
     found = []
 
