@@ -1,12 +1,14 @@
 """Tables of the docs that are older than the code they measure: each says so in the line above it.
 
 ``python -m validation.ages`` lists the tables whose line is wrong, and ``--write`` corrects the lines. A table is old
-when a file of what its page measures differs between its commit and the one that is checked out.
+when a file of what its page measures differs between its commit and the one that is checked out. Comments, docstrings,
+and from which module a name is imported do not count: they do not change what the code does.
 """
 
 from __future__ import annotations
 
 import argparse
+import ast
 import re
 import subprocess
 from collections.abc import Iterator, Mapping
@@ -70,7 +72,36 @@ def differs(commit: str, paths: tuple[str, ...]) -> bool:
     known = subprocess.run([*git, "cat-file", "-e", f"{commit}^{{commit}}"], capture_output=True, check=False)
     if known.returncode:
         raise LookupError(f"the history has no commit {commit}")
-    return bool(subprocess.run([*git, "diff", "--quiet", commit, "HEAD", "--", *paths], check=False).returncode)
+    changed = subprocess.run(
+        [*git, "diff", "--name-only", "--no-renames", commit, "HEAD", "--", *paths],
+        capture_output=True, check=True, text=True,
+    )  # fmt: skip
+    return any(_code(commit, name) != _code("HEAD", name) for name in changed.stdout.splitlines())
+
+
+def _code(commit: str, name: str) -> str:
+    """What a file does at a commit; its text where it is no Python, empty where there is none."""
+    shown = subprocess.run(["git", "-C", str(ROOT), "show", f"{commit}:{name}"], capture_output=True, check=False)
+    text = shown.stdout.decode("utf-8", "replace")
+    if not name.endswith(".py") or shown.returncode:
+        return text
+    bare = _Bare()
+    tree = bare.visit(ast.parse(text))
+    return f"{sorted(bare.imported)} {ast.dump(tree)}"
+
+
+class _Bare(ast.NodeTransformer):
+    """Takes docstrings and the names imported from modules out of a file, and keeps the names."""
+
+    def __init__(self) -> None:
+        self.imported: list[str] = []
+
+    def visit_ImportFrom(self, node: ast.ImportFrom) -> None:  # the name is ast's
+        self.imported += [f"{alias.name} as {alias.asname or alias.name}" for alias in node.names]
+
+    def visit_Expr(self, node: ast.Expr) -> ast.Expr | None:
+        text = isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
+        return None if text else node
 
 
 def headers(pages: Path = PAGES) -> Iterator[Header]:

@@ -17,7 +17,7 @@ from fitters.ode.result import Linearised, information_loss, linearise
 from fitters.ode.single_clip import find_minimum, solve
 from fitters.ode.unseen_drag import STANDARD_GRAVITY, UNSEEN_DRAG, drag_response, prior_of, root_mean_square
 from iris_sysid.errors import FitError
-from iris_sysid.one_thread import on_one_thread
+from iris_sysid.io.one_thread import on_one_thread
 from iris_sysid.registry import MODELS
 from iris_sysid.trajectory.consistency.earth_gravity import earth_gravity_doubt
 from iris_sysid.types import (

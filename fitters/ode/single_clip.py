@@ -41,7 +41,7 @@ from fitters.ode.rest_position import calls_for_rest, held_zeros, is_better
 from fitters.ode.result import Lacking, conclude, errors_of, information_loss, linearise
 from fitters.ode.status import at_bounds, diverged
 from fitters.own_model.ties import stated_by
-from iris_sysid.one_thread import on_one_thread
+from iris_sysid.io.one_thread import on_one_thread
 from iris_sysid.registry import MODELS
 from iris_sysid.trajectory.consistency.angle_unit import short_pendulum_doubt
 from iris_sysid.types import (

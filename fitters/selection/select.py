@@ -12,7 +12,7 @@ from fitters.ode.fit_problem import select
 from fitters.selection.candidates import Trial, all_tried
 from fitters.selection.observables import ObservableCandidate, Raw, combined, observables_of, raw_of
 from iris_sysid.errors import FitError
-from iris_sysid.one_thread import on_one_thread
+from iris_sysid.io.one_thread import on_one_thread
 from iris_sysid.registry import MODELS
 from iris_sysid.types import Mask, ModelCandidate, ModelChoice, OdeModel, Trajectory, departure
 

@@ -45,7 +45,7 @@ from fitters.sindy.residual import beyond
 from fitters.sindy.sparse_regression import Kept, predicted_best, proposed
 from fitters.sindy.weak_form import Piece, Rows, pieces_of, rows_of
 from iris_sysid.errors import DataError, FitError
-from iris_sysid.one_thread import on_one_thread
+from iris_sysid.io.one_thread import on_one_thread
 from iris_sysid.types import (
     NORMAL_975,
     Array,

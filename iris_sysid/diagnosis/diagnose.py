@@ -44,7 +44,7 @@ from iris_sysid.diagnosis.search_report import SearchReport, holds_zero
 from iris_sysid.diagnosis.stepwise_search import StepwiseSearch
 from iris_sysid.diagnosis.time_budget import STOPPED, TimeBudget
 from iris_sysid.errors import FitError
-from iris_sysid.one_thread import on_one_thread
+from iris_sysid.io.one_thread import on_one_thread
 from iris_sysid.registry import EFFECTS, MODELS
 from iris_sysid.trajectory.smoothing import smooth
 from iris_sysid.types import (

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Generic, TypeVar
 
-from iris_sysid.one_thread import on_one_thread
+from iris_sysid.io.one_thread import on_one_thread
 from iris_sysid.video.sandbox import limit_process
 
 Job = TypeVar("Job")

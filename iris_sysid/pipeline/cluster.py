@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 
 from iris_sysid.errors import DataError, IrisError
 from iris_sysid.io.files import origin_of
-from iris_sysid.one_thread import on_one_thread
+from iris_sysid.io.one_thread import on_one_thread
 from iris_sysid.pipeline.batch import Batch, Job, Outcome, limited
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from concurrent.futures.process import BrokenProcessPool
 
 from iris_sysid.errors import DataError
-from iris_sysid.one_thread import on_one_thread
+from iris_sysid.io.one_thread import on_one_thread
 from iris_sysid.pipeline.batch import Batch, Job, Outcome, limited
 
 MAX_WORKERS = 256

@@ -7,7 +7,7 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 from iris_sysid import MODELS, diagnose, fit, fit_clips, plan, select_model
 from iris_sysid.calibration.board.calibrate import calibrate_board
-from iris_sysid.one_thread import on_one_thread
+from iris_sysid.io.one_thread import on_one_thread
 
 
 def blas_threads():

@@ -53,6 +53,28 @@ def test_table_whose_code_has_changed_must_say_so(history):
     assert header.right == header.text
 
 
+@pytest.mark.parametrize(
+    ("before", "after", "is_old"),
+    [
+        ("def f():\n    return 1\n", '# a remark\ndef f():\n    """One."""\n    return 1\n', False),
+        ("from a import f\n\nB = f(1)\n", "from c.d import f\n\nB = f(1)\n", False),
+        ("from a import f\n\nB = f(1)\n", "from a import g as f\n\nB = f(1)\n", True),
+        ("import a\n\nB = a.f(1)\n", "import c as a\n\nB = a.f(1)\n", True),
+        ("def f():\n    return 1\n", "def f():\n    return 2\n", True),
+    ],
+)
+def test_only_what_the_code_does_counts(history, before, after, is_old):
+    for text in (before, after):
+        (history / "fitters" / "ode" / "a.py").write_text(text, encoding="utf-8")
+        git(history, "commit", "-qam", "code")
+        if text is before:
+            (history / "plans.md").write_text(
+                TABLE.format(commit=git(history, "rev-parse", "HEAD")[:9], note=""), "utf-8"
+            )
+    (header,) = ages.headers(history)
+    assert header.is_old == is_old
+
+
 def test_commit_that_the_history_lacks_is_an_error(history):
     (history / "plans.md").write_text(TABLE.format(commit="0123456789", note=""), encoding="utf-8")
     (header,) = ages.headers(history)

@@ -20,7 +20,7 @@ from iris_sysid.calibration.board.plane_view import with_plane_view_doubt
 from iris_sysid.calibration.board.rest import PlaneView, clearest_at_rest
 from iris_sysid.calibration.camera import CameraCalibration, FittedView, calibrate_camera, fitted_view
 from iris_sysid.errors import CalibrationError
-from iris_sysid.one_thread import on_one_thread
+from iris_sysid.io.one_thread import on_one_thread
 from iris_sysid.types import Array, Calibration, Frame
 from iris_sysid.video.image_sequence import IMAGE_CODECS
 from iris_sysid.video.reader import Video, open_video

@@ -14,7 +14,7 @@ from iris_sysid.diagnosis.planning.precision import Need, needs
 from iris_sysid.diagnosis.planning.predicted_clip import Design, PredictedClip, imitating
 from iris_sysid.diagnosis.planning.rivals import Question, Rival, as_clips, probabilities_of, rivals_of
 from iris_sysid.errors import UnknownNameError
-from iris_sysid.one_thread import on_one_thread
+from iris_sysid.io.one_thread import on_one_thread
 from iris_sysid.types import Array, Diagnosis, FitResult, Shown, Trajectory
 
 REFINED = 4  # best proposals whose power is found by refits
