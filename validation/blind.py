@@ -13,6 +13,7 @@ import pandas as pd
 
 from fitters.compose_effects import with_effects
 from fitters.effect_sensitivity import shaped
+from fitters.image_effects import offered
 from fitters.ode import fit, simulate
 from iris_sysid.diagnosis.diagnose import diagnose
 from iris_sysid.diagnosis.score_test import Screen, critical_value, screen
@@ -108,7 +109,7 @@ def hide(
     """
     clean = measured(model, values, rng)
     fitted = fit(clean, model)
-    library = [effect for effect in EFFECTS.values() if effect.applies(model)]
+    library = offered(EFFECTS.values(), model, [clean])
     visible = [score for score in screen(library, fitted, clean).scores.values() if score.stderr > 0]
     chosen = [visible[index] for index in rng.permutation(len(visible))[:count]]
     effects = [_in_some_shape(EFFECTS[effect.effect], clean, rng) for effect in chosen]
