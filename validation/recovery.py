@@ -15,7 +15,7 @@ from iris_sysid.registry import MODELS, PHENOMENA
 from iris_sysid.synthetic import SCENES
 from iris_sysid.synthetic.plan import plan_clip
 from iris_sysid.synthetic.truth import Truth
-from iris_sysid.types import Estimate, FitResult, OdeModel, Quantity, Segment, Trajectory
+from iris_sysid.types import FitResult, OdeModel, Quantity, Segment, Trajectory
 from tests._experiments import EXPERIMENTS, NOISE, clip
 from validation import pages
 from validation.audit.printed import all_values
@@ -204,8 +204,7 @@ def one_unknown_scale() -> str:
     plan = plan_clip("falling-ball", setting="mid", size=SIZE)
     clip = falling(plan.truth, np.random.default_rng(0))
     result = fit(clip.trajectory, clip.model, free=("gravity",))
-    gravity: Estimate = result.estimates["gravity"]
-    return f"falling ball, nothing known: status {result.status}, gravity stderr {gravity.stderr:g}. {result.message}"
+    return f"falling ball, nothing known: status {result.status}"
 
 
 def finds_the_truth(result: FitResult, truth: Mapping[str, float], rms: np.ndarray) -> bool:
