@@ -251,7 +251,7 @@ class _Missing:
 
 
 def _weighed(residual: Array, forms: Array) -> list[tuple[float, _Missing]]:
-    """Sets of the forms (m, c) that may be missing, and their weights by what they leave of a residual (m,)."""
+    """Sets of the forms (m, c) that may be missing, and their weights by the part of a residual (m,) that remains."""
     sets = _sets(forms.T @ residual, forms.T @ forms, MAX_TIMES * _of_the_best(residual, forms))
     left = 1.0 - np.array([each.explained for each in sets]) / max(float(residual @ residual), 1e-300)
     count = np.array([len(each.forms) for each in sets])
@@ -261,7 +261,7 @@ def _weighed(residual: Array, forms: Array) -> list[tuple[float, _Missing]]:
 
 
 def _sets(products: Array, overlap: Array, size: float) -> list[_Missing]:
-    """Each form with none, one and two more, each the one that explains most of what is left; no set twice.
+    """Each form alone, then with a second and a third that explain most of the remaining residual; no set twice.
 
     Parameters
     ----------
