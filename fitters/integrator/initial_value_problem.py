@@ -262,10 +262,12 @@ class InitialValueProblem:
     def _latest_ends(self) -> NDArray[np.int64]:
         """The sample (n - 1,) up to which a step that begins in each interval may last: inputs go on smoothly there.
 
-        Where values change the inputs that act, one may jump at any sample.
+        Where values change the inputs that act, one may jump at any sample; a long step would pass over a blow.
         """
         last = self.t_s.size - 1
-        if self.hold == "linear" or self.model.drive is not None:
+        if any(each.role == "location" and each.unit == "s" for each in self.model.parameters):
+            jumps = np.arange(1, last)
+        elif self.hold == "linear" or self.model.drive is not None:
             jumps = np.arange(1, last if self.inputs.size else 1)
         else:
             jumps = 1 + np.flatnonzero(np.any(self.inputs[1:last] != self.inputs[: last - 1], axis=1))

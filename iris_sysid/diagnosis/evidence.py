@@ -7,7 +7,7 @@ the logarithm of the sample count, and twice the logarithm of the odds that the 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from iris_sysid.diagnosis.refit import ModelWithEffects
 from iris_sysid.types import Array, FitResult, Mask
 
 DECISIVE = float(2 * np.log(20.0))  # odds of 20 to 1: "strong evidence" of Kass and Raftery (1995), JASA 90, 773
+CREDIBLE = 0.99  # of the probability, which the names of a class hold
 
 
 def cost_above(first: ModelWithEffects, second: ModelWithEffects) -> float:
@@ -32,6 +33,24 @@ def best_first(models: Sequence[ModelWithEffects]) -> list[ModelWithEffects]:
         return list(models)
     closest = min(models, key=lambda model: model.squares)
     return sorted(models, key=lambda model: cost_above(model, closest))
+
+
+def credible(above: Mapping[str, float], own: str) -> dict[str, float]:
+    """The smallest set of names that holds CREDIBLE of the probability, and the probability of each, largest first.
+
+    Parameters
+    ----------
+    above
+        By name, how far the criterion is above that of a common model.
+    own
+        The name that is in the set in any case.
+    """
+    least = min(above.values())
+    weights = {name: float(np.exp(-0.5 * (above[name] - least))) for name in sorted(above, key=above.__getitem__)}
+    held = np.cumsum(list(weights.values())) / sum(weights.values())
+    likely = {own, *list(weights)[: 1 + int(np.searchsorted(held, CREDIBLE))]}
+    total = sum(weights[name] for name in likely)
+    return {name: weight / total for name, weight in weights.items() if name in likely}
 
 
 def chosen_values(model: ModelWithEffects) -> int:

@@ -274,14 +274,15 @@ class FitCache:
         added = [model.names - rest.names for model in self._tried() if model.key > rest.key and model.usable]
         return frozenset(name for names in added if len(names) == 1 for name in names)
 
-    def equally_good(self, final: ModelWithEffects, effect: Effect) -> list[ModelWithEffects]:
-        """The models in which another effect replaces ``effect`` and explains the data as well, best first."""
+    def in_place_of(self, final: ModelWithEffects, effect: Effect) -> list[ModelWithEffects]:
+        """The models in which another effect replaces ``effect``: the nearest are refitted, and all there are count."""
         rest = self.without(final, effect)
         rivals = {model.key: model for model in (*self.rivals(rest, effect), *self._beside(rest))}
-        good = [
-            rival for rival in rivals.values() if rival.names != final.names and cost_above(rival, final) < DECISIVE
-        ]
-        return best_first(good)
+        return [rival for rival in rivals.values() if rival.names != final.names]
+
+    def equally_good(self, final: ModelWithEffects, effect: Effect) -> list[ModelWithEffects]:
+        """The models in which another effect replaces ``effect`` and explains the data as well, best first."""
+        return best_first([rival for rival in self.in_place_of(final, effect) if cost_above(rival, final) < DECISIVE])
 
     def _beside(self, rest: ModelWithEffects) -> list[ModelWithEffects]:
         """The usable refits there are already with one more effect than ``rest``."""

@@ -43,6 +43,15 @@ class _Direction:
     component: float
     shifts: Array
 
+    @property
+    def size(self) -> float:
+        """The size of the effect, to first order."""
+        return self.component / self.length
+
+    def means(self, effect: Effect, t_s: Array) -> bool:
+        """Whether the size in this shape means the effect, in a clip with samples at ``t_s`` (n,), s."""
+        return not self.shape or effect.sensible is None or effect.sensible(t_s, (self.size, *self.shape))
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Residual:
@@ -106,17 +115,21 @@ class _Residual:
         ]
 
     def score(self, effect: Effect, directions: Sequence[_Direction], tried: int) -> Score:
-        """The score of an effect in its best shape; NaN where the parameters can imitate all shapes."""
+        """The score of an effect in its best shape, of those in which its size means the effect, if there are any.
+
+        NaN where the parameters can imitate all shapes.
+        """
         unit = effect.parameters[0].unit.replace("{x}", self.unit)
         hidden = Score(effect.name, np.nan, np.nan, unit, 0.0, self.total, 0.0, tried=tried)
         if not directions:
             return hidden
-        best = max(directions, key=lambda direction: abs(direction.component))
+        meant = [each for each in directions if each.means(effect, self.t_s)]
+        best = max(meant or directions, key=lambda direction: abs(direction.component))
         gain = min(best.component**2 / self.total, 1.0)
         degrees = max(best.unit.size - self.basis.shape[1] - 1, 1)
         return replace(
             hidden,
-            size=best.component / best.length,
+            size=best.size,
             stderr=float(np.sqrt(self.variance_along(best.unit))) / best.length,
             gain=gain,
             chi2=degrees * gain / max(1.0 - gain, 1e-12),

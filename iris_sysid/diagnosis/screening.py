@@ -15,9 +15,6 @@ SINGLE_LEVEL = 0.04  # probability of adding a single effect to a complete model
 PAIR_LEVEL = 0.01  # probability of adding a pair of effects to a complete model
 
 
-# what three effects explain, and their sizes (3,), by their names
-
-
 @dataclass(frozen=True, eq=False, slots=True)
 class Candidate:
     """Effects ``names`` that may be added at once, with their starting values ``starts``, one a clip.

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from iris_sysid.diagnosis.evidence import DECISIVE, cost_above
+from iris_sysid.diagnosis.evidence import cost_above, credible
 from iris_sysid.diagnosis.fit_cache import FitCache
 from iris_sysid.diagnosis.model_averaging import (
     CompetingEffect,
@@ -18,7 +18,7 @@ from iris_sysid.diagnosis.model_averaging import (
 from iris_sysid.diagnosis.notes import rejected_effect_note
 from iris_sysid.diagnosis.refit import ModelWithEffects, pooled
 from iris_sysid.diagnosis.selection_bias import corrected_for_selection
-from iris_sysid.types import DiagnosticNote, Effect, EffectCause, Estimate, FitResult, Limit, Score, normal_isf
+from iris_sysid.types import DiagnosticNote, Effect, Estimate, FitResult, Limit, Score, normal_isf
 
 
 def holds_zero(size: Estimate) -> bool:
@@ -54,7 +54,7 @@ class SearchReport:
         self._cache, self._final = cache, final
         self._screening = cache.screening(final)
         self._rivals: dict[str, list[RivalModel]] = {}
-        self._classes: dict[str, tuple[str, ...]] = {}
+        self._classes: dict[str, dict[str, float]] = {}
 
     @property
     def final(self) -> ModelWithEffects:
@@ -62,13 +62,18 @@ class SearchReport:
         return self._final
 
     def _rivals_of(self, effect: Effect) -> list[RivalModel]:
-        """The refits in which another effect replaces an added one and explains the data as well, compared once."""
+        """The refits in which an effect of the class of an added one replaces it."""
+        alike = self.indistinguishable(effect)
+        return [rival for rival in self._tried_instead_of(effect) if {*rival.instead} <= {*alike}]
+
+    def _tried_instead_of(self, effect: Effect) -> list[RivalModel]:
+        """The refits in which another effect replaces an added one, compared once."""
         if effect.name not in self._rivals:
             cache, final = self._cache, self._final
             rest = cache.without(final, effect).names
             self._rivals[effect.name] = [
                 RivalModel(model, tuple(sorted(model.names - rest)), cost_above(model, final))
-                for model in cache.equally_good(final, effect)
+                for model in cache.in_place_of(final, effect)
             ]
         return self._rivals[effect.name]
 
@@ -76,54 +81,43 @@ class SearchReport:
         return [rival for effect in self._final.effects for rival in self._rivals_of(effect)]
 
     def indistinguishable(self, effect: Effect) -> tuple[str, ...]:
-        """Effects that explain the data as well as an added one, with all other added effects in the model.
+        """The other effects of the class of an added one: all other added effects being in the model, one of them acts.
 
-        The criterion is a refit. For effects that were not refitted it is what they explain to first order.
+        See :func:`iris_sysid.diagnosis.evidence.credible`.
+        """
+        return tuple(name for name in self.probabilities(effect) if name != effect.name)
+
+    def probabilities(self, effect: Effect) -> dict[str, float]:
+        """The probability of an added effect and of each of its class, most probable first; one of them acts.
+
+        It is that of refits. For effects that were not refitted it is by what they explain to first order.
         """
         if effect.name not in self._classes:
             self._classes[effect.name] = self._class_of(effect)
         return self._classes[effect.name]
 
-    def _class_of(self, effect: Effect) -> tuple[str, ...]:
-        cache, final = self._cache, self._final
+    def _class_of(self, effect: Effect) -> dict[str, float]:
+        above = {**self._above_to_first_order(effect), effect.name: 0.0}
+        for rival in sorted(self._tried_instead_of(effect), key=lambda rival: -rival.above):
+            above |= dict.fromkeys(rival.instead, rival.above)
+        return credible(above, effect.name)
+
+    def _above_to_first_order(self, effect: Effect) -> dict[str, float]:
+        """By how much the criterion of each effect that was not refitted is above that of an added one in its place."""
+        cache, final, library = self._cache, self._final, self._cache.library
         rest = cache.without(final, effect)
-        rivals, screening = self._rivals_of(effect), cache.screening(rest)
-        tried = cache.refitted(rest)
+        screening, tried = cache.screening(rest), cache.refitted(rest)
+        names = [name for name in screening.names if name not in {effect.name, *tried} | final.names]
         explained = max(screening.score(effect.name).explained, rest.squares - final.squares)
-        least = explained - DECISIVE * final.inflation
-        alike = [
-            name
-            for name in screening.names
-            if name not in tried
-            and screening.score(name).explained > least
-            and cache.library.allows(screening.single(name))
-        ]
-        names = dict.fromkeys([*(name for rival in rivals for name in rival.instead), *alike])
-        return tuple(name for name in names if name not in final.names)
-
-    def probabilities(self, effect: Effect) -> dict[str, float]:
-        """The probability of an added effect and of each that explains the data as well, most probable first.
-
-        Given that one of them acts; effects that were not refitted count as explaining the data equally well.
-        """
-        library = self._cache.library.by_name
-        above = {name: rival.above for rival in self._rivals_of(effect) for name in rival.instead}
-        prior = 2.0 * float(np.log(effect.plausibility))
-        costs = {effect.name: 0.0} | {
-            name: above.get(name, prior - 2.0 * float(np.log(library[name].plausibility)))
-            for name in self.indistinguishable(effect)
+        each = float(np.log(max(sum(fitted.n * len(fitted.rms) for fitted in final.fits), 2)))
+        own = _price(effect, each)
+        return {
+            name: (explained - screening.score(name).explained) / final.inflation
+            + _price(library.by_name[name], each)
+            - own
+            for name in names
+            if library.allows(screening.single(name)) and screening.score(name).stderr > 0
         }
-        weights = {name: float(np.exp(-0.5 * (cost - min(costs.values())))) for name, cost in costs.items()}
-        total = sum(weights.values())
-        return {name: weights[name] / total for name in sorted(weights, key=lambda name: -weights[name])}
-
-    def causes(self, effect: Effect) -> dict[EffectCause, float]:
-        """The probability that the physics, the measurement or the clock is the cause, most probable first."""
-        causes: dict[EffectCause, float] = {}
-        for name, probability in self.probabilities(effect).items():
-            cause = self._cache.library.by_name[name].cause
-            causes[cause] = causes.get(cause, 0.0) + probability
-        return dict(sorted(causes.items(), key=lambda item: -item[1]))
 
     def size(self, name: str) -> Estimate:
         """A size over all clips; its error allows for alternatives to the added effects, and for one more effect."""
@@ -191,6 +185,12 @@ class SearchReport:
 
     def _allows(self, name: str) -> bool:
         return self._cache.library.allows(self._screening.single(name))
+
+
+def _price(effect: Effect, each: float) -> float:
+    """The criterion of an effect beside what it explains: ``each`` of its values, and its odds before the data."""
+    values = sum(not parameter.constant for parameter in effect.parameters) + effect.is_placed
+    return values * each - 2.0 * float(np.log(effect.plausibility))
 
 
 def _averaged(fitted: FitResult, rivals: Sequence[tuple[FitResult, float]]) -> dict[str, Estimate]:

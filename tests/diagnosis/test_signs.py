@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from fitters.compose_effects import with_effects
-from fitters.ode import simulate
+from fitters.ode import fit, simulate
 from iris_sysid.diagnosis.diagnose import diagnose
 from iris_sysid.diagnosis.library import two_sided
+from iris_sysid.diagnosis.score_test import screen
 from iris_sysid.registry import EFFECTS, MODELS
 from iris_sysid.report.diagnosis_page import write_diagnosis
 from iris_sysid.types import Trajectory
@@ -92,3 +93,16 @@ def test_size_is_fitted_on_both_sides_of_zero_so_that_none_has_no_bias():
     open_below = two_sided(EFFECTS["quadratic-drag"])
     assert open_below.parameters[0].lower == -np.inf
     assert two_sided(EFFECTS["slack-tether"]) is EFFECTS["slack-tether"]
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_cord_is_screened_where_its_size_says_that_it_pulls_less(side):
+    """Beside a fitted stiffness, less pull on one side is nearly more pull on the other: noise would choose."""
+    model = MODELS["linear-oscillator"]
+    truth = {"stiffness": 30.0, "damping": 0.05, "z_0": 0.15, "vz_0": 0.05, "slack_tether": 0.002, "slack_side": side}
+    t_s = np.arange(600) / 60
+    clean = simulate(with_effects(model, [EFFECTS["slack-tether"]]), t_s, truth).observed
+    for seed in range(6):
+        seen = clean + 2e-4 * np.random.default_rng(seed).standard_normal(clean.shape)
+        measured = Trajectory(t_s, model.observed, seen, np.full_like(seen, np.nan), np.ones(600, bool))
+        assert screen([EFFECTS["slack-tether"]], fit(measured, model), measured).scores["slack-tether"].size > 0.0

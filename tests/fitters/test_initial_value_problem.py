@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fitters.compose_effects import with_effects
 from fitters.integrator import initial_value_problem as module
 from fitters.integrator.initial_value_problem import (
     MAX_STEPS,
@@ -18,6 +19,7 @@ from fitters.integrator.initial_value_problem import (
 )
 from fitters.ode import simulate
 from iris_sysid.errors import FitError
+from iris_sysid.registry import EFFECTS, MODELS
 from iris_sysid.types import Quantity
 from tests.fitters.test_integrator import PENDULUM, decay, filling, model_of
 
@@ -281,3 +283,15 @@ def test_a_motion_of_one_sample_is_its_initial_state():
     assert simulate(PENDULUM, [0.0], dict(zip(value_names(PENDULUM), VALUES, strict=True))).states.tolist() == [
         [1.5, -1.0]
     ]
+
+
+@pytest.mark.parametrize("when_s", [0.31, 1.2, 1.53, 1.9])
+def test_no_step_passes_over_a_blow(when_s):
+    """A constant acceleration allows steps of any length; the blow lasts one of 120 samples."""
+    incline = with_effects(MODELS["incline"], [EFFECTS["impact"]])
+    t_s = np.arange(120) / 60
+    blow = {"impact": 0.02, "impact_time": when_s, "impact_width": 1 / 60}
+    seen = simulate(incline, t_s, {"acceleration": 1.5, "s_0": 0.0, "v_0": 0.3, **blow}, tolerance=1e-5)
+    late = t_s > when_s + 0.1
+    expected = 0.3 * t_s + 0.75 * t_s**2 + 0.02 * (t_s - when_s)
+    np.testing.assert_allclose(seen.observed[late, 0], expected[late], rtol=0, atol=1e-5)
