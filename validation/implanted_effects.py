@@ -369,7 +369,10 @@ def _whole_number(implant: Implant, base: Base, multiple: float) -> tuple[Change
     if frames > MAX_LOST * base.inside.size:
         raise NotShownError(f"{frames} frames of {base.inside.size} would have to be lost")
     changed = implant.add(base, frames)
-    return changed, trace(base, changed) / base.rms
+    reached = trace(base, changed) / base.rms
+    if reached < (1.0 - ACCEPTED) * multiple:
+        raise NotShownError(f"{frames} frames leave {reached:.2g} times")
+    return changed, reached
 
 
 def _any_number(implant: Implant, base: Base, multiple: float) -> tuple[Changed, float]:

@@ -56,6 +56,16 @@ def test_lost_frames_are_whole_and_close_the_gap():
     np.testing.assert_array_equal(changed.clip.position, base.clip.position[changed.kept])
 
 
+def test_lost_frames_that_leave_too_little_are_not_implanted(monkeypatch):
+    """What one frame leaves says how many are needed; where the body rests, more leave no more."""
+    base = a_base()
+    one = trace(base, BY_NAME["dropped-frame"].add(base, 1.0))
+    traces = iter([one, 0.2 * base.rms])
+    monkeypatch.setattr("validation.implanted_effects.trace", lambda base, changed: next(traces))
+    with pytest.raises(NotShownError, match=r"frames leave 0\.2 times"):
+        sized(BY_NAME["dropped-frame"], base, 3.0)
+
+
 def test_what_the_fitted_values_imitate_is_not_implanted():
     with pytest.raises(NotShownError, match="imitate"):
         sized(BY_NAME["zero-offset"], a_base("free-fall", seconds=0.6), 1.0)
