@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 
 from trackers._detection.coverage_kernels import MIN_WEIGHT, Planes, own_brightness, shares
@@ -92,9 +93,9 @@ def _share(planes: Planes, mask: Bytes, near: Flags, depth: Image, blur: float) 
     """
     weight = np.clip(depth, 0, 1)
     shade = shading(planes[0], depth)
-    soft = np.array([blurred(each, blur) for each in (*(planes[0] - shade) * weight, weight)])
+    soft = blurred(cv2.merge([*(planes[0] - shade) * weight, weight]), blur)
     own, strength, missed = own_brightness(planes, shade, soft, weight, near)
-    strength += blurred(missed, blur) / np.maximum(soft[-1], MIN_WEIGHT)
+    strength += blurred(missed, blur) / np.maximum(soft[..., -1], MIN_WEIGHT)
     share, variance = shares(planes, own, strength, mask, near)
     return share, variance
 
@@ -107,9 +108,8 @@ def _with_level_outside(planes: Planes, share: Image, beyond: Image, other: Byte
     image, background, noise = planes
     free = (beyond > -OUTSKIRTS) & (beyond < 0) & (np.abs(share) < FAINT) & (other == 0)
     weight = free.astype(np.float32)
-    soft = np.maximum(blurred(weight, OUTSKIRTS), np.float32(MIN_FREE))
-    off = (image - background) * weight
-    return image, background + np.stack([blurred(each, OUTSKIRTS) / soft for each in off]), noise
+    *off, soft = cv2.split(blurred(cv2.merge([*(image - background) * weight, weight]), OUTSKIRTS))
+    return image, background + np.array(off) / np.maximum(soft, np.float32(MIN_FREE)), noise
 
 
 def _liveliness(share: Image, variance: Image, outside: Flags) -> np.float32:

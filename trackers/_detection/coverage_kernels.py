@@ -25,7 +25,7 @@ MIN_WEIGHT = np.float32(1e-6)  # of a blur far from all that it is a mean of
 def own_brightness(planes: Planes, shade: Image, soft: Image, weight: Image, near: Flags) -> tuple[Image, Image, Image]:
     """The body's own brightness, continued outwards, its strength (h, w), and what it misses of the strength seen.
 
-    The strength is how far the channels are off the background, in units of the noise. ``soft`` (channels + 1, h, w) is
+    The strength is how far the channels are off the background, in units of the noise. ``soft`` (h, w, channels + 1) is
     what the ``shade`` leaves of the image, times the ``weight``, and that, blurred; their ratio is added to the shade.
     What is neither inside nor ``near`` (h, w) is left out: 0.
     """
@@ -40,7 +40,7 @@ def own_brightness(planes: Planes, shade: Image, soft: Image, weight: Image, nea
                 continue
             of_own = of_seen = np.float32(0)
             for c in range(channels):
-                own[c, y, x] = shade[c, y, x] + soft[c, y, x] / max(soft[channels, y, x], MIN_WEIGHT)
+                own[c, y, x] = shade[c, y, x] + soft[y, x, c] / max(soft[y, x, channels], MIN_WEIGHT)
                 off = (own[c, y, x] - background[c, y, x]) / noise[c, y, x]
                 seen = (image[c, y, x] - background[c, y, x]) / noise[c, y, x]
                 of_own += off * off

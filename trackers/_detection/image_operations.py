@@ -35,8 +35,8 @@ def rough_depth(mask: Bytes | Flags, *, outside: bool = True) -> Image:
 
 
 def blurred(image: Image, sigma: float) -> Image:
-    """Image (h, w) after a Gaussian blur of that standard deviation, px; a wide one at a reduced size."""
-    height, width = image.shape
+    """Image (h, w[, channels]) after a Gaussian blur of that standard deviation, px; a wide one at a reduced size."""
+    height, width = image.shape[:2]
     factor = max(1, int(sigma / COARSE))
     if factor == 1:
         return np.asarray(cv2.GaussianBlur(image, (0, 0), sigma))

@@ -3,11 +3,14 @@
 # mypy: disallow-untyped-decorators=False
 from __future__ import annotations
 
+import math
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from iris_sysid.io.kernels import kernel
+from iris_sysid.types import Array
 from trackers._detection.connected import filled_round
 from trackers._detection.image_operations import as_bytes, rough_depth
 from trackers._frames.arrays import Bytes, Flags, Image
@@ -82,62 +85,103 @@ def _half_width(share: Image, distance: Image, axes: int) -> Image:
     """Half the width (h, w) of the outline, px; see :func:`outline`."""
     thickness = float(distance.max())
     widest = max(1.0, MAX_HALF_WIDTH * thickness)
-    outside = (distance < -MIN_HALF_WIDTH) & (distance > -widest - FARTHER)
     if axes == 1 or thickness < MIN_STREAK_DEPTH:
-        (alike,) = _reaches(distance[outside], share[outside], np.zeros(1, np.int64), widest)
+        (alike,) = _reaches(distance, share, np.zeros((1, 1)), widest)
         return np.full(share.shape, alike, dtype=np.float32)
     inside = cv2.moments(as_bytes(distance > 0), binaryImage=True)
     x = np.arange(share.shape[1]) - inside["m10"] / inside["m00"]
     y = np.arange(share.shape[0]) - inside["m01"] / inside["m00"]
     turn = np.arctan2(y[:, np.newaxis], x) * (axes / np.pi)  # direction from the middle, over half a turn
     turn += axes * (turn < 0)
-    axis = np.rint(turn[outside]).astype(np.int64)
-    axis[axis == axes] = 0
-    reaches = _reaches(distance[outside], share[outside], axis, widest, axes)
+    reaches = _reaches(distance, share, turn, widest, axes)
     half_width = np.interp(turn, np.arange(axes + 1), [*reaches, reaches[0]])
     half_width[np.abs(distance) >= FAR_WIDTHS * max(reaches) + FAR] = max(reaches)
     return half_width.astype(np.float32)
 
 
-def _reaches(
-    distance: Image, beside: Image, axis: NDArray[np.int64], widest: float, axes: int | None = None
-) -> list[float]:
+def _reaches(distance: Image, share: Image, turn: Array, widest: float, axes: int | None = None) -> list[float]:
     """The distance, px, outside of an outline at which the mean coverage falls no more, by the axis.
 
     Parameters
     ----------
-    distance, beside, axis
-        Signed distance (n,) of pixels outside of the outline, px, their coverage, and the number of their axis.
+    distance, share, turn
+        Signed distance (h, w) of pixels to the outline, px, their coverage, and their direction, whose nearest whole
+        number is that of their axis; (1, 1) for one axis.
     widest
         Largest distance, px.
     axes
         Number of axes, whose medians count; None for the mean of all without the largest and the smallest tenth.
     """
     half_widths = np.arange(MIN_HALF_WIDTH, widest + 1.0, QUARTER)
-    places = 2 * half_widths.size + RING_LISTS  # quarters of a px, and the lines between them, where no ring ends
-    quarters = (distance + MIN_HALF_WIDTH) / -QUARTER
-    place = np.minimum(np.floor(quarters) + np.ceil(quarters), places - 1) + places * axis
-    place = place.astype(np.uint16)  # which is sorted by its digits
-    order = np.lexsort((beside, place))
-    starts, listed = np.searchsorted(place[order], np.arange((axes or 1) * places)), beside[order]
-    ended = [_ended(listed, part, half_widths.size, axes is None) for part in starts.reshape(-1, places)]
+    farthest = np.float32(widest + FARTHER)
+    ended = _ends(distance, share, turn, farthest, half_widths.size, axes or 1, axes is None).tolist()
     return [min(float(half_widths[number]), widest) if number < half_widths.size else widest for number in ended]
 
 
 @kernel(nogil=True)
-def _ended(beside: Image, starts: NDArray[np.int64], rings: int, trimmed: bool) -> int:
-    """Number of the ring at which the outline has ended; the number of ``rings`` where it has not.
+def _ends(
+    distance: Image, share: Image, turn: Array, farthest: np.float32, rings: int, axes: int, trimmed: bool
+) -> NDArray[np.int64]:
+    """Number of the ring at which the outline has ended, by the axis; the number of ``rings`` where it has not.
 
-    ``starts`` are where the places begin in ``beside`` (n,); see :func:`_reaches`.
+    The pixels outside are sorted into places: quarters of a px, and the lines between them, where no ring ends.
+    """
+    height, width = distance.shape
+    places, least = 2 * rings + RING_LISTS, np.float32(MIN_HALF_WIDTH)
+    place = np.full((height, width), -1, dtype=np.int32)
+    starts = np.zeros(axes * places + 1, dtype=np.int64)
+    for y in range(height):
+        for x in range(width):
+            outside = -distance[y, x]
+            if least < outside < farthest:
+                quarters = (outside - least) / np.float32(QUARTER)
+                place[y, x] = min(int(math.floor(quarters) + math.ceil(quarters)), places - 1)
+                if axes > 1:
+                    place[y, x] += places * (int(np.rint(turn[y, x])) % axes)
+                starts[place[y, x] + 1] += 1
+    for k in range(axes * places):
+        starts[k + 1] += starts[k]
+    beside, heads = np.empty(starts[-1], dtype=np.float32), starts.copy()
+    for y in range(height):
+        for x in range(width):
+            if place[y, x] >= 0:
+                beside[heads[place[y, x]]] = share[y, x]
+                heads[place[y, x]] += 1
+    ended = np.empty(axes, dtype=np.int64)
+    for axis in range(axes):
+        ended[axis] = _ended(beside, starts[axis * places : (axis + 1) * places], rings, trimmed)
+    return ended
+
+
+@kernel(nogil=True)
+def _ended(beside: Image, starts: NDArray[np.int64], rings: int, trimmed: bool) -> int:
+    """Number of the ring at which the outline has ended on one axis; see :func:`_ends`.
+
+    ``starts`` are where the places begin in ``beside`` (n,); each is put in order when it is first needed.
     """
     heads, levels = starts.copy(), np.empty(rings)
+    for part in range(1, RING_LISTS - 1):
+        _put_in_order(beside, starts[part], starts[part + 1])
     for count in range(rings):
+        for part in range(2 * count + RING_LISTS - 1, 2 * count + RING_LISTS + 1):
+            _put_in_order(beside, starts[part], starts[part + 1])
         levels[count] = _level(beside, starts, heads, 2 * count + 1, trimmed)
         if levels[count] < TAIL:
             return count
         if count >= STEPS_APART and levels[count - STEPS_APART] - levels[count] < TAIL:
             return count - STEPS_APART
     return rings
+
+
+@kernel(nogil=True)
+def _put_in_order(beside: Image, start: int, stop: int) -> None:
+    """Sort a part of ``beside`` (n,), by insertion: it holds a few pixels."""
+    for k in range(start + 1, stop):
+        value, place = beside[k], k
+        while place > start and beside[place - 1] > value:
+            beside[place] = beside[place - 1]
+            place -= 1
+        beside[place] = value
 
 
 @kernel(nogil=True)
