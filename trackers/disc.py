@@ -110,7 +110,7 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
         _track_of(body, (fits[body], fitter.appearances[body]), all_detections, held[body], options)
         for body in range(len(fits))
     ]
-    scene = SampledScene(fitter.view, setup.stack.frames)
+    scene = SampledScene(fitter.view, setup.stack.frames, setup.still)
     others = [[other for other in tracks if other is not track] for track in tracks]
     return [replace(track, quality=judged(track, scene, rest)) for track, rest in zip(tracks, others, strict=True)]
 

@@ -9,10 +9,21 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from iris_sysid.errors import DataError
 from iris_sysid.io.csv_columns import column_of, covariance_columns, state_columns
-from iris_sysid.types import TRACK_MEASURES, TRACK_SIGMAS, Array, FitResult, Segment, Smoothed, Track, Trajectory
+from iris_sysid.types import (
+    TRACK_MASKS,
+    TRACK_MEASURES,
+    TRACK_SIGMAS,
+    Array,
+    FitResult,
+    Segment,
+    Smoothed,
+    Track,
+    Trajectory,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -81,9 +92,11 @@ def estimates_frame(result: FitResult) -> pd.DataFrame:
 # --------------------------------------------------------------------------- tracks
 
 
-def _track_frame(tracks: Sequence[Track]) -> pd.DataFrame:
-    import pandas as pd
+def track_columns(tracks: Sequence[Track]) -> dict[str, NDArray[Any]]:
+    """The columns of a table of tracks by name, each (n,), in the order of time; NaN is a gap, also in a mask.
 
+    DataError as of :func:`to_frame`.
+    """
     names = [track.body for track in tracks]
     if len(set(names)) < len(names):
         raise DataError(f"two tracks are of the same body: {', '.join(map(repr, names))}; name each differently")
@@ -97,15 +110,28 @@ def _track_frame(tracks: Sequence[Track]) -> pd.DataFrame:
         **{name: _joined(tracks, name) for name in TRACK_MEASURES[:3]},
         "valid": np.concatenate([track.valid for track in tracks]),
         "area_px": _joined(tracks, "area_px"),
-        "hand": _joined_mask(tracks, "hand"),
-        **({"edited": _joined_mask(tracks, "edited")} if any(track.edited is not None for track in tracks) else {}),
+        "hand": _joined(tracks, "hand"),
+        **({"edited": _joined(tracks, "edited")} if any(track.edited is not None for track in tracks) else {}),
         **{
             name: _joined(tracks, name)
             for name in TRACK_SIGMAS
             if any(getattr(track, name) is not None for track in tracks)
         },
     }
-    return pd.DataFrame(columns).sort_values("t_s", kind="stable", ignore_index=True)
+    order = np.argsort(columns["t_s"], kind="stable")
+    return {name: column[order] for name, column in columns.items()}
+
+
+def _track_frame(tracks: Sequence[Track]) -> pd.DataFrame:
+    import pandas as pd
+
+    columns = track_columns(tracks)
+    masks = {
+        name: pd.arrays.BooleanArray(columns[name] == 1, np.isnan(columns[name]))
+        for name in TRACK_MASKS
+        if name in columns
+    }
+    return pd.DataFrame({**columns, **masks})
 
 
 def _positions(track: Track) -> dict[str, Array]:
@@ -120,14 +146,6 @@ def _joined(tracks: Sequence[Track], name: str) -> Array:
         np.full(track.t_s.size, np.nan) if getattr(track, name) is None else getattr(track, name) for track in tracks
     ]
     return np.concatenate(parts).astype(np.float64)
-
-
-def _joined_mask(tracks: Sequence[Track], name: str) -> pd.arrays.BooleanArray:
-    """An optional column of 1 and 0 of every track (n,), missing where a track does not have it."""
-    import pandas as pd
-
-    known = _joined(tracks, name)
-    return pd.arrays.BooleanArray(known == 1, np.isnan(known))
 
 
 # --------------------------------------------------------------------------- trajectories

@@ -161,6 +161,15 @@ def test_track_of_two_bodies_without_frames_shares_the_count(tmp_path):
     assert (first.frame.tolist(), second.frame.tolist()) == ([0, 2], [0, 1])
 
 
+def test_table_of_tracks_is_written_as_pandas_would(tmp_path):
+    tracks = [full_track(5, "=A1"), track(4, 'b,"c"', xy_px=np.array([[1e-7, 1e20], [0, -0.0], [1 / 3, 5], [1e16, 2]]))]
+    frame = to_frame(tracks)
+    flags = {name: frame[name].astype("Int8") for name in ("valid", "hand")}
+    expected = frame.assign(**flags, body=frame["body"].replace("=A1", "'=A1")).to_csv(index=False)
+    write_track(tracks, tmp_path / "track.csv")
+    assert (tmp_path / "track.csv").read_bytes().decode() == expected.replace("\r\n", "\n")
+
+
 @pytest.mark.parametrize(
     ("tracks", "message"),
     [([], "there is no track"), ([track(body="a"), track(body="a")], "two tracks are of the same body: 'a', 'a'")],

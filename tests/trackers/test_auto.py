@@ -28,6 +28,7 @@ from trackers._auto.scene import SampledScene
 from trackers._auto.survey import looks_like_shadow
 from trackers._auto.verdict import OFF, PROBABILITY, WORDS, judged, probability_of
 from trackers._auto.verdict_weights import DOUBTFUL, SURE, WEIGHTS
+from trackers._detection.detect_frames import detection_setup
 from trackers._frames.working_image import view_of
 
 AUTO = TRACKERS["auto"]
@@ -423,6 +424,15 @@ def test_things_that_move_are_sorted_by_colour_and_size_and_the_ball_is_the_like
     truth = np.array([clip.truth[0, frames[thing.sample].index] for thing in first.seen])
     assert np.median(np.hypot(*(places - truth).T)) < 3
     assert np.mean([thing.shadow_like for thing in second.seen]) > 0.8
+
+
+def test_background_of_the_search_is_that_of_the_samples():
+    clip = phone.with_shadow(30).clip
+    view = view_of(clip, TrackOptions())
+    setup = detection_setup(clip, view.with_chroma())
+    again = SampledScene(view, setup.stack.frames)
+    np.testing.assert_array_equal(SampledScene(view, setup.stack.frames, setup.still).still, again.still)
+    np.testing.assert_array_equal(setup.still.background, again.still)
 
 
 def test_scenery_is_where_nothing_moves_in_several_places_and_a_body_at_rest_is_none():

@@ -88,6 +88,7 @@ class TrackerSelection:
         """The bodies that move farthest before the still background."""
         moving = follow(self.video, self.options)
         self._moving = moving
+        self.scene.known = None if moving.setup is None else moving.setup.still
         return moving.tracks("auto", self.options)
 
     def at_marks(self) -> list[Track]:

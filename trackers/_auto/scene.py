@@ -9,6 +9,7 @@ from functools import cached_property
 from iris_sysid.types import Frame, Track
 from trackers._auto.appearance import search_image
 from trackers._auto.survey import ObjectClass, foregrounds_of, kinds_of
+from trackers._background.median import BackgroundEstimate
 from trackers._detection.foreground import Blob
 from trackers._disc.model import Disc
 from trackers._disc.receding_disc import receding_disc
@@ -22,11 +23,12 @@ Place = tuple[float, float]
 class SampledScene:
     """The sampled frames of a clip; what they show is worked out once, when it is first needed.
 
-    ``view`` is the region of interest.
+    ``view`` is the region of interest, ``known`` the background of the samples, where it is known.
     """
 
     view: WorkingView
     frames: Sequence[Frame]
+    known: BackgroundEstimate | None = None
 
     @cached_property
     def images(self) -> list[Bytes]:
@@ -55,7 +57,7 @@ class SampledScene:
 
     @cached_property
     def _survey(self) -> tuple[Image, list[list[Blob]]]:
-        return foregrounds_of(self.images)
+        return foregrounds_of(self.images, self.known)
 
     def rows(self, track: Track) -> dict[int, int]:
         """The row of a track in each sample, by the sample's number; samples outside of the track are left out."""

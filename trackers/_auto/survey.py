@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from iris_sysid.types import Array
-from trackers._background.median import estimate_again, estimate_background
+from trackers._background.median import BackgroundEstimate, estimate_again, estimate_background
 from trackers._detection.background_samples import usable_samples
 from trackers._detection.foreground import Blob, background_range_of, blobs
 from trackers._frames.ahead import ahead
@@ -122,20 +122,24 @@ def kinds_of(images: Sequence[Bytes], still: Image, foregrounds: Sequence[Sequen
     return sorted(often, key=lambda kind: -kind.salience)[:MAX_KINDS]
 
 
-def foregrounds_of(images: Sequence[Bytes]) -> tuple[Image, list[list[Blob]]]:
+def foregrounds_of(images: Sequence[Bytes], known: BackgroundEstimate | None = None) -> tuple[Image, list[list[Blob]]]:
     """The still background (h, w, 3) of sampled search images (h, w, 3), and what differs from it in each of them.
 
-    A body that rests in most of them differs too: the others show the scenery behind it.
+    A body that rests in most of them differs too: the others show the scenery behind it. The background is the
+    ``known`` one of these images if there is one of their size.
     """
-    stack = np.stack(images)
+    if known is None or known.background.shape != images[0].shape:
+        known = _still_background(np.stack(images))
+    background_range = background_range_of(known)
+    # light that flickers or adapts moves the whole image: the middle difference is not motion
+    levelled = (_levelled(image, known.background) for image in images)
+    return known.background, list(ahead(partial(blobs, background_range), levelled))
+
+
+def _still_background(stack: Bytes) -> BackgroundEstimate:
     estimate = estimate_background(stack)
     usable = usable_samples(stack, estimate)
-    if usable is not None:
-        estimate = estimate_again(stack, estimate, None, usable)
-    background_range = background_range_of(estimate)
-    # light that flickers or adapts moves the whole image: the middle difference is not motion
-    levelled = (_levelled(image, estimate.background) for image in images)
-    return estimate.background, list(ahead(partial(blobs, background_range), levelled))
+    return estimate if usable is None else estimate_again(stack, estimate, None, usable)
 
 
 def blob_at(foreground: Sequence[Blob], place: tuple[float, float]) -> Blob | None:

@@ -43,13 +43,17 @@ Likely = Callable[[FrameDetections], Sequence[bool]]  # which detections of a fr
 
 @dataclass(frozen=True, eq=False, slots=True)
 class DetectionSetup:
-    """Setup from the sampled frames: the view, the background range for the search, the detector for centroids."""
+    """Setup from the sampled frames: the view, the background range for the search, the detector for centroids.
+
+    ``still`` is the first background at the size of the search; None where colour is not searched.
+    """
 
     view: WorkingView
     background_range: BackgroundRange
     detector: BlobDetector
     stack: SampledFrames
     search_images: Bytes
+    still: BackgroundEstimate | None = None
 
     @property
     def numbers(self) -> tuple[int, ...]:
@@ -111,7 +115,8 @@ def detection_setup(video: FrameSource, view: WorkingView, coarse: bool = False)
     if usable is not None:
         setup = setup.with_background_from(usable)
     moving = [_covered(setup.background_range, image) for image in search_images] if view.colour is not None else []
-    return replace(setup, view=view.fitted(samples, moving))
+    still = setup.detector.background.reduced(view.step).whole if view.chroma else None
+    return replace(setup, view=view.fitted(samples, moving), still=still)
 
 
 def _shows_large(view: WorkingView, samples: Sequence[Frame]) -> bool:

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from scipy.linalg import toeplitz
 from scipy.special import gammaincinv
 
 from iris_sysid.types import Array, ErrorAutocorrelation, Mask
@@ -178,7 +177,8 @@ def _expected_median(window: int, degree: int, partial: tuple[float, ...]) -> fl
     """
     powers = np.vander(np.linspace(-1, 1, window), degree + 1)
     residual_of = np.eye(window) - powers @ np.linalg.pinv(powers)
-    covariance = residual_of @ toeplitz(_autocorrelation(window, partial)) @ residual_of
+    lags = np.abs(np.subtract.outer(np.arange(window), np.arange(window)))
+    covariance = residual_of @ _autocorrelation(window, partial)[lags] @ residual_of
     mean, squares = float(np.trace(covariance)), float((covariance**2).sum())
     freedom = mean**2 / squares
     return mean * (1 - 2 / (9 * freedom)) ** 3

@@ -46,7 +46,12 @@ class Part(BaseModel):
     """A piece of a document: no unknown key, no text for a number, no NaN, nothing changed afterwards."""
 
     model_config = ConfigDict(
-        strict=True, extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True
+        strict=True,
+        extra="forbid",
+        frozen=True,
+        allow_inf_nan=False,
+        use_attribute_docstrings=True,
+        defer_build=True,  # when it is first used: a command uses few of all kinds
     )
 
     @classmethod
