@@ -87,7 +87,7 @@ def streak_centre(window: Window, centre: Centre) -> Centre:
     sweep = few.swept(sweep, ROUGH)[0]
     if not sweep.is_streak or sweep.radius > MAX_RADIUS_RATIO * guess.radius or few.unexplained(sweep) > DOUBTFUL:
         return centre
-    kept = pixels.only(_plain(pixels.left_over(sweep)))
+    kept = pixels.only(_plain(pixels.left_over(sweep.values)))
     sweep, left = kept.swept(sweep, PRECISE)
     if not sweep.is_streak or pixels.unexplained(sweep) > UNEXPLAINED:
         return centre
@@ -128,13 +128,13 @@ class _Pixels:
     def _data(self) -> tuple[Array, Array, Array, Array]:
         return self.columns, self.rows, self.difference, self.background
 
-    def left_over(self, sweep: Sweep) -> Array:
-        """Residual of the best brightness and shadow (n, channels)."""
-        return np.asarray(swept_left_over(*self._data, sweep.values))
+    def left_over(self, sweep: Array) -> Array:
+        """Residual of the best brightness and shadow (n, channels) of a sweep by its five numbers (5,)."""
+        return swept_left_over(*self._data, sweep)
 
-    def slopes(self, sweep: Sweep) -> Array:
-        """Derivatives of the residual by the five numbers of a sweep (n * channels, 5)."""
-        return np.asarray(swept_slopes(*self._data, sweep.values))
+    def slopes(self, sweep: Array, left: Array) -> Array:
+        """Derivatives (n * channels, 5) of the residual (n, channels) of a sweep by its five numbers (5,)."""
+        return np.asarray(swept_slopes(*self._data, sweep, left))
 
     def swept(self, start: Sweep, enough: float, steps: int = STEPS) -> tuple[Sweep, Array]:
         """The sweep that leaves least over, and what it leaves (n, channels), by the method of Levenberg and Marquardt.
@@ -143,18 +143,21 @@ class _Pixels:
         """
         from scipy.optimize import least_squares  # takes half a second; few clips need it
 
+        known: dict[bytes, Array] = {}  # residuals by sweep: slopes are asked for where the residual is known
+
         def left_over(values: Array) -> Array:
-            return swept_left_over(*self._data, values).ravel()
+            known[values.tobytes()] = self.left_over(values)
+            return known[values.tobytes()].ravel()
 
         def slopes(values: Array) -> Array:
-            return swept_slopes(*self._data, values)
+            return self.slopes(values, known[values.tobytes()])
 
         found = least_squares(left_over, start.values, slopes, method="lm", ftol=enough, max_nfev=steps + 1)
         return _sweep(found.x), np.asarray(found.fun.reshape(self.difference.shape))
 
     def unexplained(self, sweep: Sweep) -> float:
         """Residual share of the sum of squares of the difference."""
-        return float((self.left_over(sweep) ** 2).sum() / (self.difference**2).sum())
+        return float((self.left_over(sweep.values) ** 2).sum() / (self.difference**2).sum())
 
 
 def _pixels(window: Window, sweep: Sweep) -> _Pixels:
@@ -180,7 +183,7 @@ def _covariance(pixels: _Pixels, sweep: Sweep, left: Array) -> Array:
     The residual is correlated within the blocks of a coder: the covariance is the one that is robust to clusters (Liang
     and Zeger 1986, Biometrika 73, 13), H^-1 (sum over blocks of s s') H^-1 with H = J'J and s = J'r of a block.
     """
-    jacobian, count = pixels.slopes(sweep), sweep.values.size
+    jacobian, count = pixels.slopes(sweep.values, left), sweep.values.size
     inverse = np.linalg.pinv(jacobian.T @ jacobian)
     across, down = ((places // BLOCK).astype(np.int64) for places in (pixels.columns, pixels.rows))
     _, block = np.unique(across * (int(down.max()) + 1) + down, return_inverse=True)

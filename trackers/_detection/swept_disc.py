@@ -12,6 +12,7 @@ from iris_sysid.types import Array
 
 RIDGE = 1e-9  # of the squares of a term, added for each pixel
 STEP = 1e-4  # relative, of derivatives
+SURELY = 1e-6  # px: rounding is less
 
 
 @kernel(nogil=True)
@@ -33,7 +34,7 @@ def sweep_terms(columns: Array, rows: Array, sweep: Array) -> Array:
         v = y * ahead_x - x * ahead_y
         if abs(v) < radius + 0.5 and x * x + y * y < farthest:
             along = x * ahead_x + y * ahead_y
-            half = _area(v + 0.5, radius) - _area(v - 0.5, radius)  # of the chord, mean over a pixel
+            half = _half_chord(v, abs(along), length / 2, radius)
             first = min(max(along - half, -length / 2), length / 2)
             last = min(max(along + half, -length / 2), length / 2)
             u, w, share = (along - first) / radius, (along - last) / radius, (last - first) / length
@@ -43,6 +44,18 @@ def sweep_terms(columns: Array, rows: Array, sweep: Array) -> Array:
             row[3] = share * ((u * u + u * w + w * w) / 3 + v * v)
         row[4], row[5], row[6] = free, free * x / radius, free * y / radius
     return terms
+
+
+@kernel(nogil=True)
+def _half_chord(v: float, along: float, half_way: float, radius: float) -> float:
+    """Half the chord at v, mean over a pixel; only as exact as it counts where a pixel is covered always or never."""
+    shortest = math.sqrt(max(radius**2 - (abs(v) + 0.5) ** 2, 0.0))
+    longest = math.sqrt(radius**2 - max(abs(v) - 0.5, 0.0) ** 2)
+    if shortest > along + half_way + SURELY:
+        return shortest
+    if longest < along - half_way - SURELY:
+        return longest
+    return _area(v + 0.5, radius) - _area(v - 0.5, radius)
 
 
 @kernel(nogil=True)
@@ -63,9 +76,11 @@ def swept_left_over(columns: Array, rows: Array, difference: Array, background: 
     return np.asarray(left - terms @ np.linalg.solve(gram, terms.T @ left))
 
 
-def swept_slopes(columns: Array, rows: Array, difference: Array, background: Array, sweep: Array) -> Array:
-    """Derivatives (n * channels, 5) of :func:`swept_left_over` by the sweep, by differences; its arguments."""
-    left = swept_left_over(columns, rows, difference, background, sweep)
+def swept_slopes(columns: Array, rows: Array, difference: Array, background: Array, sweep: Array, left: Array) -> Array:
+    """Derivatives (n * channels, 5) of :func:`swept_left_over` by the sweep, by differences; its arguments.
+
+    ``left`` (n, channels) is the residual at the sweep itself.
+    """
     steps = STEP * np.where(sweep == 0, 1.0, sweep)
     moved = (swept_left_over(columns, rows, difference, background, sweep + step) for step in np.diag(steps))
     return np.column_stack([(off - left).ravel() / step for off, step in zip(moved, steps, strict=True)])
