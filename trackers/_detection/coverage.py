@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from trackers._detection.coverage_kernels import MIN_WEIGHT, Planes, own_brightness, shares
+from trackers._detection.coverage_kernels import Planes, own_brightness, shares, unexplained
 from trackers._detection.depth import depth_of
 from trackers._detection.image_operations import blurred, dilated
 from trackers._detection.outline import outline
@@ -91,12 +91,11 @@ def _share(planes: Planes, mask: Bytes, near: Flags, depth: Image, blur: float) 
     ``depth`` (h, w), px, is above 0: a pixel is of the body alone. A polynomial follows its shading; the
     residual is replaced by its mean over the near pixels.
     """
-    weight = np.clip(depth, 0, 1)
     shade = shading(planes[0], depth)
-    soft = blurred(cv2.merge([*(planes[0] - shade) * weight, weight]), blur)
-    own, strength, missed = own_brightness(planes, shade, soft, weight, near)
-    strength += blurred(missed, blur) / np.maximum(soft[..., -1], MIN_WEIGHT)
-    share, variance = shares(planes, own, strength, mask, near)
+    rest = unexplained(planes[0], shade, depth)
+    soft = blurred(rest, blur)
+    sums, missed = own_brightness(planes, shade, soft, rest, near)
+    share, variance = shares(sums, blurred(missed, blur), soft, mask, near)
     return share, variance
 
 

@@ -22,43 +22,62 @@ MIN_WEIGHT = np.float32(1e-6)  # of a blur far from all that it is a mean of
 
 
 @kernel(nogil=True)
-def own_brightness(planes: Planes, shade: Image, soft: Image, weight: Image, near: Flags) -> tuple[Image, Image, Image]:
-    """The body's own brightness, continued outwards, its strength (h, w), and what it misses of the strength seen.
+def unexplained(image: Image, shade: Image, depth: Image) -> Image:
+    """What the ``shade`` leaves of the image (channels, h, w), times a weight, and that: (h, w, channels + 1).
 
-    The strength is how far the channels are off the background, in units of the noise. ``soft`` (h, w, channels + 1) is
-    what the ``shade`` leaves of the image, times the ``weight``, and that, blurred; their ratio is added to the shade.
-    What is neither inside nor ``near`` (h, w) is left out: 0.
+    The weight is 1 a px inside of the body, by its ``depth`` (h, w), px, and 0 outside.
     """
-    image, background, noise = planes
     channels, height, width = image.shape
-    own = np.zeros((channels, height, width), dtype=np.float32)
-    strength = np.zeros((height, width), dtype=np.float32)
-    missed = np.zeros((height, width), dtype=np.float32)
+    rest = np.zeros((height, width, channels + 1), dtype=np.float32)
     for y in range(height):
         for x in range(width):
-            if not near[y, x] and weight[y, x] <= 0:
-                continue
-            of_own = of_seen = np.float32(0)
-            for c in range(channels):
-                own[c, y, x] = shade[c, y, x] + soft[y, x, c] / max(soft[y, x, channels], MIN_WEIGHT)
-                off = (own[c, y, x] - background[c, y, x]) / noise[c, y, x]
-                seen = (image[c, y, x] - background[c, y, x]) / noise[c, y, x]
-                of_own += off * off
-                of_seen += seen * seen
-            strength[y, x] = math.sqrt(of_own)
-            missed[y, x] = (np.float32(math.sqrt(of_seen)) - strength[y, x]) * weight[y, x]
-    return own, strength, missed
+            weight = min(depth[y, x], np.float32(1))
+            if weight > 0:
+                for c in range(channels):
+                    rest[y, x, c] = (image[c, y, x] - shade[c, y, x]) * weight
+                rest[y, x, channels] = weight
+    return rest
 
 
 @kernel(nogil=True)
-def shares(planes: Planes, own: Image, strength: Image, mask: Bytes, near: Flags) -> tuple[Image, Image]:
-    """Share (h, w) of each pixel that a body covers, and its variance; by the mask where brightness leaves it open.
+def own_brightness(planes: Planes, shade: Image, soft: Image, rest: Image, near: Flags) -> tuple[Image, Image]:
+    """How far the body's own brightness, continued outwards, is off the background, and what it misses of that seen.
 
-    ``own`` is the body's own brightness, ``strength`` (h, w) how far it is off the background; see
-    ``coverage_centre``.
+    In units of the noise, over the channels: sums of squares of the body's own (h, w, 3), of its products with what is
+    seen, and of squares of that; and by how much (h, w) the root of the last exceeds that of the first, times the
+    weight. ``soft`` (h, w, channels + 1) is the ``rest`` by :func:`unexplained`, blurred; its ratio to the weight is
+    added to the shade. What is neither inside nor ``near`` (h, w) is left out: 0.
     """
     image, background, noise = planes
     channels, height, width = image.shape
+    sums = np.zeros((height, width, 3), dtype=np.float32)
+    missed = np.zeros((height, width), dtype=np.float32)
+    for y in range(height):
+        for x in range(width):
+            weight = rest[y, x, channels]
+            if not near[y, x] and weight <= 0:
+                continue
+            squared = product = difference = np.float32(0)
+            for c in range(channels):
+                own = shade[c, y, x] + soft[y, x, c] / max(soft[y, x, channels], MIN_WEIGHT)
+                contrast = (own - background[c, y, x]) / noise[c, y, x]
+                off = (image[c, y, x] - background[c, y, x]) / noise[c, y, x]
+                squared += contrast * contrast
+                product += contrast * off
+                difference += off * off
+            sums[y, x, 0], sums[y, x, 1], sums[y, x, 2] = squared, product, difference
+            missed[y, x] = (np.float32(math.sqrt(difference)) - np.float32(math.sqrt(squared))) * weight
+    return sums, missed
+
+
+@kernel(nogil=True)
+def shares(sums: Image, missed: Image, soft: Image, mask: Bytes, near: Flags) -> tuple[Image, Image]:
+    """Share (h, w) of each pixel that a body covers, and its variance; by the mask where brightness leaves it open.
+
+    ``sums`` are those of :func:`own_brightness`, ``missed`` (h, w) what it misses, blurred as ``soft`` is; see
+    ``coverage_centre``.
+    """
+    height, width = mask.shape
     share = np.zeros((height, width), dtype=np.float32)
     variance = np.zeros((height, width), dtype=np.float32)
     low, high = ONE_SIDED
@@ -66,20 +85,15 @@ def shares(planes: Planes, own: Image, strength: Image, mask: Bytes, near: Flags
         for x in range(width):
             if not near[y, x]:
                 continue
-            if strength[y, x] <= TELLING:
+            squared, product, difference = sums[y, x]
+            strength = np.float32(math.sqrt(squared)) + missed[y, x] / max(soft[y, x, -1], MIN_WEIGHT)
+            if strength <= TELLING:
                 share[y, x], variance[y, x] = mask[y, x], 1.0 / 12.0
                 continue
-            squared = product = difference = np.float32(0)
-            for c in range(channels):
-                contrast = (own[c, y, x] - background[c, y, x]) / noise[c, y, x]
-                off = (image[c, y, x] - background[c, y, x]) / noise[c, y, x]
-                squared += contrast * contrast
-                product += contrast * off
-                difference += off * off
             squared = max(squared, np.float32(1e-6))
-            mixed = min(max((math.sqrt(squared) / strength[y, x] - low) / (high - low), 0.0), 1.0)
+            mixed = min(max((math.sqrt(squared) / strength - low) / (high - low), 0.0), 1.0)
             signed = min(max(product / squared, SHARE_RANGE[0]), SHARE_RANGE[1])
-            unsigned = min(max(math.sqrt(difference) / strength[y, x], SHARE_RANGE[0]), SHARE_RANGE[1])
+            unsigned = min(max(math.sqrt(difference) / strength, SHARE_RANGE[0]), SHARE_RANGE[1])
             share[y, x] = mixed * signed + (1 - mixed) * unsigned
-            variance[y, x] = (1 + (1 - mixed) ** 2) / strength[y, x] ** 2
+            variance[y, x] = (1 + (1 - mixed) ** 2) / strength**2
     return share, variance
