@@ -15,6 +15,7 @@ from trackers._detection.depth import depth_of
 from trackers._detection.detection import pasted
 from trackers._detection.foreground import MIN_SUPPORT, SQUARE, Blob, background_range_of, components
 from trackers._detection.image_operations import blurred, quantile, rough_depth
+from trackers._detection.outline import FARTHER, MIN_HALF_WIDTH, QUARTER, STEPS_APART, TAIL, _reaches
 from trackers._detection.shading import MIN_A_TERM, shading
 from trackers._detection.window_setup import looks_of, made_ready, moments_of_difference, seen_roughly
 from trackers._frames.working_image import WorkingView
@@ -272,3 +273,31 @@ def test_a_thin_part_on_a_small_body_is_not_of_its_mask(channels):
     assert not found[2:18].any()
     assert np.count_nonzero(found != body) <= 4
     assert not other.any()
+
+
+def test_clearness_of_a_single_row_without_a_gradient_is_0():
+    assert cut_at(np.ones((1, 9), np.uint8), np.full((1, 9), 80, np.uint8), 50.0, 6)[3] == 0.0
+
+
+@pytest.mark.parametrize("axes", [1, 4])
+def test_outline_has_ended_where_the_mean_coverage_of_rings_falls_no_more(axes):
+    rng = np.random.default_rng(axes)
+    y, x = np.indices((60, 60)) - 29.6
+    distance = (15 - np.hypot(x, y)).astype(np.float32)
+    width = 2.0 if axes == 1 else 2.0 + 3.0 * np.abs(x) / np.hypot(x, y)  # of the outline: wider to the sides
+    share = (np.clip(0.5 + distance / (2 * width), 0, 1) + rng.normal(0, 0.01, x.shape)).astype(np.float32)
+    turn = np.arctan2(y, x) * (axes / np.pi) % axes
+    widest, axis = 9.0, np.rint(turn).astype(int) % axes
+    found = _reaches(distance, share, turn, widest, None if axes == 1 else axes)
+    for number, reach in enumerate(found):
+        levels = []
+        for half_width in np.arange(MIN_HALF_WIDTH, widest + 1, QUARTER):
+            off = -distance - half_width
+            ring = np.sort(share[(off > 0) & (off < 3 * QUARTER) & (axis == number) & (distance > -widest - FARTHER)])
+            cut = ring.size // 10 if axes == 1 else max(0, ring.size - 1) // 2
+            levels.append(ring[cut : ring.size - cut].mean())
+        falls = (k for k, level in enumerate(levels) if level < TAIL)
+        rests = (k for k in range(STEPS_APART, len(levels)) if levels[k - STEPS_APART] - levels[k] < TAIL)
+        fallen, resting = next(falls, len(levels)), next(rests, len(levels))
+        steps = fallen if fallen <= resting else resting - STEPS_APART
+        assert reach == MIN_HALF_WIDTH + QUARTER * steps

@@ -3,6 +3,8 @@
 # mypy: disallow-untyped-decorators=False
 from __future__ import annotations
 
+import math
+
 import cv2
 import numpy as np
 
@@ -15,7 +17,6 @@ from trackers._frames.arrays import Bytes, Image
 MIN_INSCRIBED = 2.5  # px: a component with a smaller inscribed circle is not taken apart
 BLOB_SHARE = 0.5  # of the inscribed radius: thinner parts are cords, arms of clamps, fingers
 LEFT, TOP, RIGHT, BOTTOM, INSCRIBED, WHOLE, SEED, COLUMNS = 0, 1, 2, 3, 4, 5, 10, 12
-AROUND = np.ones((3, 3), np.uint8)
 
 
 def peak_of(mask: Bytes, level: Bytes) -> float:
@@ -131,17 +132,45 @@ def _fill_boxes(owner: Labels, table: Array) -> None:
                 row[RIGHT], row[BOTTOM] = max(row[RIGHT], x + 1), max(row[BOTTOM], y + 1)
 
 
+@kernel(nogil=True)
 def _clearness(owner: Labels, table: Array, level: Bytes) -> float:
-    """See :func:`cut_at`; 0 where there are no parts."""
-    if not len(table):
-        return 0.0
-    (left, top), (right, bottom) = table[:, :2].min(axis=0).astype(int), table[:, 2:4].max(axis=0).astype(int)
-    x0, y0 = max(0, left - 1), max(0, top - 1)  # one more pixel on each side, for the gradient
-    parts = cv2.copyMakeBorder(owner[top:bottom, left:right].astype(np.int16), 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0)
-    rim = ((parts > 0) & (cv2.erode(parts, AROUND) != cv2.dilate(parts, AROUND)))[1:-1, 1:-1]
-    rows, columns = np.nonzero(rim)
-    about = level[y0 : bottom + 1, x0 : right + 1]
-    slopes = (cv2.Sobel(about, cv2.CV_16S, *along)[rows + top - y0, columns + left - x0] for along in ((1, 0), (0, 1)))
-    steepness = float(np.hypot(*slopes, dtype=np.float64).sum()) / 8
-    area = int(np.count_nonzero(parts))
-    return float((table[:, INSCRIBED] ** 2).sum()) / max(1, area) * steepness / max(1, rows.size)
+    """See :func:`cut_at`; 0 where there are no parts. Gradients are Sobel's, mirrored at the border."""
+    height, width = owner.shape
+    area = rim = 0
+    steepness = thickness = 0.0
+    for y in range(height):
+        for x in range(width):
+            if not owner[y, x]:
+                continue
+            area += 1
+            if 0 < y < height - 1 and 0 < x < width - 1 and _alike(owner, y, x):
+                continue
+            rim += 1
+            above, below = _mirrored(y - 1, height), _mirrored(y + 1, height)
+            before, after = _mirrored(x - 1, width), _mirrored(x + 1, width)
+            across = down = 0
+            for row, weight in ((above, 1), (y, 2), (below, 1)):
+                across += weight * (int(level[row, after]) - int(level[row, before]))
+            for column, weight in ((before, 1), (x, 2), (after, 1)):
+                down += weight * (int(level[below, column]) - int(level[above, column]))
+            steepness += math.sqrt(float(across * across + down * down))
+    for k in range(len(table)):
+        thickness += table[k, INSCRIBED] ** 2
+    return thickness / max(1, area) * (steepness / 8) / max(1, rim)
+
+
+@kernel(nogil=True)
+def _alike(owner: Labels, y: int, x: int) -> bool:
+    """Whether the eight pixels about one inside the window are of the same part."""
+    for row in range(y - 1, y + 2):
+        for column in range(x - 1, x + 2):
+            if owner[row, column] != owner[y, x]:
+                return False
+    return True
+
+
+@kernel(nogil=True)
+def _mirrored(place: int, size: int) -> int:
+    """A place beside an image of that size, or in it, as the place in it that it shows: mirrored about the last."""
+    place = abs(place)
+    return place if place < size else max(2 * size - 2 - place, 0)

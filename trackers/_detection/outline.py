@@ -56,15 +56,17 @@ def _signed_distance(share: Image, heart: Flags) -> Image:
     height, width = share.shape
     finer = FINER_SMALL if max(height, width) < SMALL_WINDOW else FINER_LARGE
     size = (width * finer, height * finer)
-    fine = as_bytes(cv2.resize(np.maximum(share, heart), size, interpolation=cv2.INTER_LINEAR) > HALF)
+    known = np.maximum(share, heart.astype(np.float32))  # NumPy converts slowly while it compares
+    fine = as_bytes(cv2.resize(known, size, interpolation=cv2.INTER_LINEAR) > HALF)
     left, top, columns, rows = cv2.boundingRect(fine)
     part = slice(max(0, top - 1), top + rows + 1), slice(max(0, left - 1), left + columns + 1)
     seed = cv2.resize(as_bytes(heart), size, interpolation=cv2.INTER_NEAREST)[part]
     body, inside = _without_cords(filled_round(fine[part], seed))
     free = np.ones_like(fine)
     free[part] -= body
-    signed = np.float32(0.5) - rough_depth(free, outside=False)
-    np.copyto(signed[part], inside - np.float32(0.5), where=inside > 0)
+    signed = rough_depth(free, outside=False)
+    signed[part] -= inside  # of a pixel one of them is 0
+    signed = (free - np.float32(0.5)) - signed
     distance = cv2.resize(signed, (width, height), interpolation=cv2.INTER_AREA) / np.float32(finer)
     return np.asarray(distance, dtype=np.float32)
 
