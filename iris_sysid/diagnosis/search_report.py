@@ -100,7 +100,17 @@ class SearchReport:
         above = {**self._above_to_first_order(effect), effect.name: 0.0}
         for rival in sorted(self._tried_instead_of(effect), key=lambda rival: -rival.above):
             above |= dict.fromkeys(rival.instead, rival.above)
-        return credible(above, effect.name)
+        return credible(above | self._equivalent(effect), effect.name)
+
+    def _equivalent(self, effect: Effect) -> dict[str, float]:
+        """By how much the criterion of each effect is above that of an added one that can do exactly what it does.
+
+        No data tell the two apart, in whatever minima their fits end.
+        """
+        library, price = self._cache.library.by_name, self._price_of_a_value
+        parallel = self._cache.screening(self._cache.without(self._final, effect)).parallel(effect.name)
+        imitated = {*self._screening.names} - self._screening.visible
+        return {name: _price(library[name], price) - _price(effect, price) for name in parallel if name in imitated}
 
     def _above_to_first_order(self, effect: Effect) -> dict[str, float]:
         """By how much the criterion of each effect that was not refitted is above that of an added one in its place."""
@@ -109,7 +119,7 @@ class SearchReport:
         screening, tried = cache.screening(rest), cache.refitted(rest)
         names = [name for name in screening.names if name not in {effect.name, *tried} | final.names]
         explained = max(screening.score(effect.name).explained, rest.squares - final.squares)
-        each = float(np.log(max(sum(fitted.n * len(fitted.rms) for fitted in final.fits), 2)))
+        each = self._price_of_a_value
         own = _price(effect, each)
         return {
             name: (explained - screening.score(name).explained) / final.inflation
@@ -118,6 +128,11 @@ class SearchReport:
             for name in names
             if library.allows(screening.single(name)) and screening.score(name).stderr > 0
         }
+
+    @property
+    def _price_of_a_value(self) -> float:
+        """What one more fitted value adds to the criterion."""
+        return float(np.log(max(sum(fitted.n * len(fitted.rms) for fitted in self._final.fits), 2)))
 
     def size(self, name: str) -> Estimate:
         """A size over all clips; its error allows for alternatives to the added effects, and for one more effect."""

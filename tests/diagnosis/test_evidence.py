@@ -1,10 +1,13 @@
 """The class of an effect: the names that hold 99 % of the probability."""
 
 import math
+from types import SimpleNamespace
 
 import pytest
 
 from iris_sysid.diagnosis.evidence import CREDIBLE, credible
+from iris_sysid.diagnosis.search_report import SearchReport
+from iris_sysid.registry import EFFECTS
 from validation.blind import hidden_case, outcome
 
 
@@ -35,3 +38,16 @@ def test_play_that_is_hardly_seen_is_in_the_class_of_what_explains_it_with_fewer
     made = hidden_case(105, 2)
     assert made.names == ("clearance", "elliptical-swing")
     assert not outcome(made).wrong
+
+
+def test_effect_that_can_do_exactly_the_same_is_in_the_class_whatever_minimum_its_fit_ended_in():
+    """A constant force moves the rest position, as a wrong zero does; beside both the data show neither."""
+    library = {name: EFFECTS[name] for name in ("zero-offset", "constant-force", "camera-tilt")}
+    rest = SimpleNamespace(parallel=lambda name: ["constant-force", "camera-tilt"])
+    report = SearchReport.__new__(SearchReport)
+    report._cache = SimpleNamespace(
+        library=SimpleNamespace(by_name=library), without=lambda final, effect: None, screening=lambda model: rest
+    )
+    report._final = SimpleNamespace(fits=[SimpleNamespace(n=100, rms=(1.0,))])
+    report._screening = SimpleNamespace(names=["constant-force", "camera-tilt"], visible={"camera-tilt"})
+    assert report._equivalent(library["zero-offset"]) == {"constant-force": pytest.approx(0.0, abs=3.0)}
