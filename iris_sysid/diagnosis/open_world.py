@@ -289,8 +289,10 @@ class OpenWorld:
         if not nearly_all or not all(effect.absorbs for effect in nearly_all):
             return None
         most = max(nearly_all, key=lambda effect: shares[effect.name])
-        tells = self._support.agrees(most, of_range=True)
-        return most if (self._beats_curves(model, most) if self._support.never_turns else tells) else None
+        if self._support.never_turns:  # two that imitate anything beat curves together, whatever acts
+            is_only = sum(effect.absorbs for effect in model.effects) == 1
+            return most if is_only and self._beats_curves(model, most) else None
+        return most if self._support.agrees(most, of_range=True) else None
 
     def _main(self, model: ModelWithEffects) -> Effect:
         """The effect with a formula that alone explains most; on a motion that never turns the others imitate it."""

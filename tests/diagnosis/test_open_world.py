@@ -262,6 +262,15 @@ def test_what_imitates_anything_is_not_the_main_effect_beside_a_formula_that_exp
     assert dominant({"coulomb-friction": 0.93, "periodic-forcing": 0.96}) is None
 
 
+def test_two_that_imitate_anything_are_not_evidence_of_one_on_a_motion_that_never_turns():
+    world = OpenWorld.__new__(OpenWorld)
+    world._support = SimpleNamespace(known=True, never_turns=True)
+    world._beats_curves = lambda model, effect: True
+    world.shares = SimpleNamespace(alone=lambda model, effect: {"periodic-forcing": 0.9}.get(effect.name, 0.1))
+    assert world._dominant(_predicting(1.0, "periodic-forcing")).name == "periodic-forcing"
+    assert world._dominant(_predicting(1.0, "periodic-forcing", "impact")) is None
+
+
 @pytest.mark.parametrize(("removed", "word"), [(0.1, "located"), (0.6, "named")])
 def test_effect_beside_a_larger_one_that_can_imitate_anything_is_needed_without_it(removed, word):
     world = OpenWorld.__new__(OpenWorld)
