@@ -143,7 +143,7 @@ class _Pixels:
         """
         from scipy.optimize import least_squares  # takes half a second; few clips need it
 
-        known: dict[bytes, Array] = {}  # residuals by sweep: slopes are asked for where the residual is known
+        known: dict[bytes, Array] = {}  # residuals by sweep: slopes are computed where the residual is known
 
         def left_over(values: Array) -> Array:
             known[values.tobytes()] = self.left_over(values)
