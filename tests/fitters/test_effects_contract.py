@@ -60,7 +60,7 @@ def test_effect_applies_to_the_model_of_its_example(effect):
 
 @pytest.mark.parametrize(("effect", "model"), PAIRS, ids=names)
 def test_effect_of_size_zero_changes_nothing(effect, model):
-    np.testing.assert_allclose(motion(with_effect(model, effect)), motion(model), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(motion(with_effect(model, effect)), motion(model), rtol=0, atol=1e-8)
 
 
 @pytest.mark.parametrize(("effect", "model"), PAIRS, ids=names)
