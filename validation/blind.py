@@ -16,7 +16,6 @@ from fitters.effect_sensitivity import shaped
 from fitters.image_effects import offered
 from fitters.ode import fit, simulate
 from iris_sysid.diagnosis.diagnose import diagnose
-from iris_sysid.diagnosis.library import is_sensible
 from iris_sysid.diagnosis.score_test import Screen, critical_value, screen
 from iris_sysid.diagnosis.screening import SINGLE_LEVEL
 from iris_sysid.errors import FitError
@@ -121,7 +120,8 @@ def hide(
         detectable = critical_value(SINGLE_LEVEL / len(library), tried) * alone.scores[effect.name].stderr
         sign = float(rng.choice([-1.0, 1.0])) if first.lower < 0.0 else 1.0  # friction only brakes
         size = float(np.clip(sign * factor * detectable, first.lower, first.upper))
-        size = size if _is_sensible(effect, clean, size) else -size  # a cord only slackens
+        shape = [each.default or 0.0 for each in effect.parameters[1:]]
+        size = size if effect.is_meant(clean.t_s, [size, *shape]) else -size  # a cord only slackens
         sizes[first.name] = size
         factors.append(abs(size) / detectable * share_apart(effect.name, alone))
     return effects, sizes, factors
@@ -130,13 +130,6 @@ def hide(
 def _in_some_shape(effect: Effect, clip: Trajectory, rng: np.random.Generator) -> Effect:
     shapes = list(effect.trials(clip.t_s, clip.position)) if effect.trials else [()]
     return shaped(effect, shapes[int(rng.integers(len(shapes)))])
-
-
-def _is_sensible(effect: Effect, clip: Trajectory, size: float) -> bool:
-    """Whether an effect of this size means what its name says, in the shape that it has."""
-    first, *shape = effect.parameters
-    values = {first.name: size, **{each.name: each.default for each in shape if each.default is not None}}
-    return is_sensible(effect, clip.t_s, values)
 
 
 def share_apart(name: str, alone: Screen) -> float:

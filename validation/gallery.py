@@ -162,6 +162,7 @@ def _section(level: str, item: OdeModel | Effect, caption: str, facts: Sequence[
 def _parameter_row(parameter: Parameter) -> str:
     kind = {
         "location": "where or when it acts",
+        "moment": "when it acts",
         "shape": "a scale of the motion",
         "form": "held unless the data call for another",
     }

@@ -25,7 +25,7 @@ EFFECT = Effect(
     source="Newton's second law, integrated over a time that is short against the motion",
     parameters=(
         Parameter("impact", "{x}/s", "J", default=0.0),
-        Parameter("impact_time", "s", "t_i", default=0.0, role="location"),
+        Parameter("impact_time", "s", "t_i", default=0.0, role="moment"),
         Parameter("impact_width", "s", "w_i", lower=1e-9, default=1.0, constant=True, source="frame interval"),
     ),
     component="pulse",

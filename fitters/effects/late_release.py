@@ -32,7 +32,7 @@ EFFECT = Effect(
     source="a force in proportion to what it holds back; the velocity at the start is a parameter of every model",
     parameters=(
         Parameter("late_release", "1", "s", default=0.0),
-        Parameter("release_time", "s", "t_r", default=0.0, role="location"),
+        Parameter("release_time", "s", "t_r", default=0.0, role="moment"),
         Parameter("release_width", "s", "w_r", lower=1e-9, default=1.0, constant=True, source="frame interval"),
     ),
     component="own-force-drift",

@@ -265,10 +265,9 @@ class InitialValueProblem:
         Where values change the inputs that act, one may jump at any sample; a long step would pass over a blow.
         """
         last = self.t_s.size - 1
-        if any(each.role == "location" and each.unit == "s" for each in self.model.parameters):
+        changing = self.inputs.size and (self.hold == "linear" or self.model.drive is not None)
+        if changing or self.model.with_role("moment"):
             jumps = np.arange(1, last)
-        elif self.hold == "linear" or self.model.drive is not None:
-            jumps = np.arange(1, last if self.inputs.size else 1)
         else:
             jumps = 1 + np.flatnonzero(np.any(self.inputs[1:last] != self.inputs[: last - 1], axis=1))
         return np.append(jumps, last)[np.searchsorted(jumps, np.arange(last), side="right")]

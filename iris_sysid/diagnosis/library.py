@@ -63,4 +63,4 @@ class EffectLibrary:
 
 def is_sensible(effect: Effect, t_s: Array, values: Mapping[str, float]) -> bool:
     """Whether fitted parameters, by name, still mean an effect in a clip with samples at ``t_s`` (n,), s."""
-    return effect.sensible is None or effect.sensible(t_s, [values[each.name] for each in effect.parameters])
+    return effect.is_meant(t_s, [values[each.name] for each in effect.parameters])

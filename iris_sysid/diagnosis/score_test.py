@@ -50,7 +50,7 @@ class _Direction:
 
     def means(self, effect: Effect, t_s: Array) -> bool:
         """Whether the size in this shape means the effect, in a clip with samples at ``t_s`` (n,), s."""
-        return not self.shape or effect.sensible is None or effect.sensible(t_s, (self.size, *self.shape))
+        return not self.shape or effect.is_meant(t_s, (self.size, *self.shape))
 
 
 @dataclass(frozen=True, eq=False, slots=True)

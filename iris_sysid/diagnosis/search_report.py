@@ -107,10 +107,10 @@ class SearchReport:
 
         No data tell the two apart, in whatever minima their fits end.
         """
-        library, price = self._cache.library.by_name, self._price_of_a_value
+        library = self._cache.library.by_name
         parallel = self._cache.screening(self._cache.without(self._final, effect)).parallel(effect.name)
         imitated = {*self._screening.names} - self._screening.visible
-        return {name: _price(library[name], price) - _price(effect, price) for name in parallel if name in imitated}
+        return {name: self._price(library[name]) - self._price(effect) for name in parallel if name in imitated}
 
     def _above_to_first_order(self, effect: Effect) -> dict[str, float]:
         """By how much the criterion of each effect that was not refitted is above that of an added one in its place."""
@@ -119,20 +119,20 @@ class SearchReport:
         screening, tried = cache.screening(rest), cache.refitted(rest)
         names = [name for name in screening.names if name not in {effect.name, *tried} | final.names]
         explained = max(screening.score(effect.name).explained, rest.squares - final.squares)
-        each = self._price_of_a_value
-        own = _price(effect, each)
+        own = self._price(effect)
         return {
             name: (explained - screening.score(name).explained) / final.inflation
-            + _price(library.by_name[name], each)
+            + self._price(library.by_name[name])
             - own
             for name in names
             if library.allows(screening.single(name)) and screening.score(name).stderr > 0
         }
 
-    @property
-    def _price_of_a_value(self) -> float:
-        """What one more fitted value adds to the criterion."""
-        return float(np.log(max(sum(fitted.n * len(fitted.rms) for fitted in self._final.fits), 2)))
+    def _price(self, effect: Effect) -> float:
+        """The criterion of an effect beside what it explains: of its values, and its odds before the data."""
+        values = sum(not parameter.constant for parameter in effect.parameters) + effect.is_placed
+        count = max(sum(fitted.n * len(fitted.rms) for fitted in self._final.fits), 2)
+        return values * float(np.log(count)) - 2.0 * float(np.log(effect.plausibility))
 
     def size(self, name: str) -> Estimate:
         """A size over all clips; its error allows for alternatives to the added effects, and for one more effect."""
@@ -200,12 +200,6 @@ class SearchReport:
 
     def _allows(self, name: str) -> bool:
         return self._cache.library.allows(self._screening.single(name))
-
-
-def _price(effect: Effect, each: float) -> float:
-    """The criterion of an effect beside what it explains: ``each`` of its values, and its odds before the data."""
-    values = sum(not parameter.constant for parameter in effect.parameters) + effect.is_placed
-    return values * each - 2.0 * float(np.log(effect.plausibility))
 
 
 def _averaged(fitted: FitResult, rivals: Sequence[tuple[FitResult, float]]) -> dict[str, Estimate]:

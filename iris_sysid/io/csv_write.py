@@ -137,9 +137,9 @@ def write_trajectory(trajectory: Trajectory, path: str | Path, *, overwrite: boo
         "free": trajectory.free,
     }
     frame = to_frame(trajectory)
-    changed = {name: frame[name].astype("Int8") for name in ("valid",) if name in frame}
-    table = frame.assign(**changed).to_csv(index=False, lineterminator="\n")
-    return _write(table, path, beside, overwrite=overwrite)
+    if "valid" in frame:
+        frame["valid"] = frame["valid"].astype("Int8")
+    return _write(frame.to_csv(index=False, lineterminator="\n"), path, beside, overwrite=overwrite)
 
 
 def write_worlds(worlds: Mapping[str, Trajectory], path: str | Path, *, overwrite: bool = False) -> list[Path]:

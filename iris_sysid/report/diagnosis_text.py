@@ -279,7 +279,7 @@ def _effect_text(effect: Effect, diagnosis: Diagnosis) -> str:
     parts += [
         f"{parameter.name.replace('_', ' ')} {with_error(value)}"
         for parameter, value in zip(effect.parameters[1:], others, strict=True)
-        if parameter.role == "location"
+        if parameter.role in ("location", "moment")
     ]
     return f"{spoken(effect.name)} ({', '.join(parts)})"
 

@@ -28,6 +28,7 @@ ParameterRole = Literal[
     "pivot",
     "inclination",
     "location",
+    "moment",
     "shape",
     "form",
 ]
@@ -49,9 +50,9 @@ class Parameter:
     energy), ``magnification`` (observed length over true length; carries the error of the scale), ``offset`` (the
     value of the observed quantity at rest), ``vertical`` (direction of the true vertical), ``pivot`` (position of a
     pivot), ``inclination`` (angle of a line from the horizontal), ``location`` (of an effect: the time or the position
-    at which it acts), ``shape`` (of an effect: a scale that a diagnosis takes from the motion, in the data's unit),
-    ``form`` (of an effect: an exponent or a width, held unless the data call for another); ``physical`` for
-    everything else.
+    at which it acts), ``moment`` (of an effect: the time of something sudden, which no step of the integrator passes
+    over), ``shape`` (of an effect: a scale that a diagnosis takes from the motion, in the data's unit), ``form`` (of an
+    effect: an exponent or a width, held unless the data call for another); ``physical`` for everything else.
     """
 
     name: str
@@ -337,6 +338,10 @@ class Effect(Portable):
     def is_flexible(self) -> bool:
         """Whether its shape can imitate a piece of anything; what has only a size is one curve, as a formula is."""
         return self.absorbs and (self.is_placed or not self.has_fixed_form)
+
+    def is_meant(self, t_s: Array, params: Sequence[float]) -> bool:
+        """Whether its parameters, in order, still mean the effect in a clip with samples at ``t_s`` (n,), s."""
+        return self.sensible is None or self.sensible(t_s, params)
 
     def factor(self, body: Mapping[str, float]) -> float | None:
         """The factor on the size with another body, from those on its mass, radius or cord; None where not known."""

@@ -39,7 +39,7 @@ def names(item) -> str:
 def motion(model, **more):
     values = {**model.example.values, **more}
     t_s = model.example.t_s[:90]
-    return simulate(model, t_s, values, inputs=model.example.driven(t_s)).observed
+    return simulate(model, t_s, values, inputs=model.example.driven(t_s), tolerance=1e-13).observed
 
 
 @pytest.mark.parametrize("effect", EFFECTS.values(), ids=names)
@@ -60,7 +60,7 @@ def test_effect_applies_to_the_model_of_its_example(effect):
 
 @pytest.mark.parametrize(("effect", "model"), PAIRS, ids=names)
 def test_effect_of_size_zero_changes_nothing(effect, model):
-    np.testing.assert_allclose(motion(with_effect(model, effect)), motion(model), rtol=0, atol=1e-8)
+    np.testing.assert_allclose(motion(with_effect(model, effect)), motion(model), rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize(("effect", "model"), PAIRS, ids=names)
