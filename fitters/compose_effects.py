@@ -5,11 +5,12 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numba import types
 from numba.extending import register_jitable
+from scipy.integrate import cumulative_trapezoid
 
 from fitters.image_effects import through
 from fitters.integrator.codegen import generated, row
@@ -17,9 +18,7 @@ from fitters.integrator.compile_rhs import followed_by
 from iris_sysid.errors import FitError
 from iris_sysid.io.kernels import kernel
 from iris_sysid.registry import EFFECTS, MODELS
-from iris_sysid.types import Array, Effect, Event, OdeModel, Parameter, Quantity, Trajectory, View, picklable
-
-Item = TypeVar("Item", Parameter, Quantity)
+from iris_sysid.types import Array, Effect, Event, OdeModel, Quantity, Trajectory, View, picklable
 
 # One line a derivative, so that the composed function holds numbers and tuples only, as numba needs.
 _SOURCE = """
@@ -87,8 +86,8 @@ def with_effect(model: OdeModel, effect: Effect, view: View | None = None) -> Od
     """The model with one effect added, absent at size zero; see :func:`with_effects`."""
     check_applies(effect, model)
     effect = through(effect, model, view)
-    added = tuple(_in_units_of(model, parameter) for parameter in effect.parameters)
-    hidden = tuple(_in_units_of(model, state) for state in effect.hidden)
+    added = tuple(replace(each, unit=unit_in(model, effect, each.unit)) for each in effect.parameters)
+    hidden = tuple(replace(each, unit=unit_in(model, effect, each.unit)) for each in effect.hidden)
     taken = {parameter.name for parameter in model.parameters} & {parameter.name for parameter in added}
     if taken:
         raise FitError(f"the model {model.name!r} already has {', '.join(sorted(taken))}; add {effect.name!r} once")
@@ -136,8 +135,15 @@ def _own(function: Callable[..., Any], n_params: int, n_inputs: int) -> Callable
     return generated(source, {"base": register_jitable(function)})
 
 
-def _in_units_of(model: OdeModel, item: Item) -> Item:
-    return replace(item, unit=item.unit.replace("{x}", model.observed[0].unit))
+def unit_in(model: OdeModel, effect: Effect, unit: str) -> str:
+    """The unit of a parameter of an effect in a model, with its ``{x}`` written out: of a force, that of a place."""
+    is_force_on_speed = model.of_speeds and effect.acceleration is not None
+    return unit.replace("{x}", place_unit(model) if is_force_on_speed else model.observed[0].unit)
+
+
+def place_unit(model: OdeModel) -> str:
+    """The unit of a place in a model of speeds."""
+    return model.states[0].unit.removesuffix("/s")
 
 
 @picklable
@@ -157,17 +163,43 @@ def bodies_of(model: OdeModel) -> list[list[int]]:
     return list(groups.values())
 
 
+def pushed_bodies(model: OdeModel) -> list[list[int]]:
+    """The degrees of freedom of each body on which the force of an effect acts: in a model of speeds, the speeds."""
+    unit = model.states[0].unit
+    return [body for body in bodies_of(model) if not model.of_speeds or model.states[body[0]].unit == unit]
+
+
+def moved(model: OdeModel, effect: Effect, t_s: Array, observed: Array) -> Array:
+    """What an effect with a force takes as the places (n, d) that it acts at: of speeds they are the integral.
+
+    Parameters
+    ----------
+    model
+        The governing equation.
+    effect
+        What it may lack.
+    t_s
+        (n,) s.
+    observed
+        (n, d) in the units of what the model observes.
+    """
+    if effect.acceleration is None or not model.of_speeds:
+        return observed
+    speeds = [k for k, quantity in enumerate(model.observed) if quantity.unit == model.states[0].unit]
+    return np.asarray(cumulative_trapezoid(observed[:, speeds], t_s, axis=0, initial=0.0))
+
+
 def _rhs(model: OdeModel, effect: Effect) -> Callable[..., tuple[float, ...]]:
     count = model.degrees_of_freedom
     shift = count if model.second_order else 0
-    velocity = [f"state[{shift + k}]" if shift else f"slopes[{k}]" for k in range(count)]
-    lines = [f"slopes[{k}]" for k in range(shift)]
-    for body in bodies_of(model):
+    velocity = [f"slopes[{k}]" if not shift and not model.of_speeds else f"state[{shift + k}]" for k in range(count)]
+    lines = [f"slopes[{k}]" for k in range(shift + count)]
+    for body in pushed_bodies(model):
         speed = f"root({' + '.join(f'{velocity[k]} * {velocity[k]}' for k in body)})"
         for k in body:
             base = f"slopes[{shift + k}]"
             more = ", hidden" if effect.hidden else ""
-            lines.append(f"{base} + term(t, state[{k}], {velocity[k]}, {speed}, {base}, sizes{more})")
+            lines[shift + k] = f"{base} + term(t, state[{k}], {velocity[k]}, {speed}, {base}, sizes{more})"
     lines += [f"slopes[{k}]" for k in range(len(model.own_states), len(model.states))]
     if effect.memory is None:
         return _compiled(model.rhs, effect.acceleration, _shape(model, effect), tuple(lines))

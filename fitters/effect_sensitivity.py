@@ -17,7 +17,7 @@ from numba.extending import register_jitable
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from fitters.compose_effects import bodies_of, forced, plain_observation
+from fitters.compose_effects import forced, plain_observation, pushed_bodies
 from fitters.image_effects import through, view_of
 from fitters.integrator.codegen import generated
 from fitters.integrator.initial_value_problem import InitialValueProblem, initial_value_problem
@@ -437,13 +437,13 @@ def forces_along(effect: Effect, sizes: Array, model: OdeModel, t_s: Array, stat
     assert effect.acceleration is not None
     count = model.degrees_of_freedom
     slopes = base[:, model.forced_states]
-    velocity = states[:, model.forced_states] if model.second_order else slopes
+    velocity = states[:, model.forced_states] if model.second_order or model.of_speeds else slopes
     if effect.memory is not None:
         return _forces_with_memory(effect, sizes, t_s, states[:, 0], velocity[:, 0], slopes[:, 0])
     unit = (1.0, *sizes.T[1:, :, None])
     force = np.zeros((len(sizes), t_s.size, count))
     with np.errstate(all="ignore"):
-        for body in bodies_of(model):
+        for body in pushed_bodies(model):
             speed = np.sqrt(np.sum(velocity[:, body] ** 2, axis=1))
             for k in body:
                 force[:, :, k] = effect.acceleration(t_s, states[:, k], velocity[:, k], speed, slopes[:, k], unit)

@@ -8,9 +8,26 @@ from typing import get_args
 import numpy as np
 
 from fitters.ode import FitOptions, FitRequest, solve
-from iris_sysid.types import Estimate, FitResult, Hold, OdeModel, Trajectory
+from iris_sysid.types import Array, Estimate, FitResult, Hold, OdeModel, Trajectory
 
 QUICK = FitOptions(discrepancy=False)
+MIN_JUMPS = 3  # of an input
+ALONE = 0.9  # of its changes, which no other change follows at the next sample: then nothing ramps from one to another
+
+
+def jumps(clips: Sequence[Trajectory]) -> bool:
+    """Whether the inputs of all clips keep their values between jumps that lie apart, as those that are held do.
+
+    A model that lacks an effect cannot tell the hold then: half a sample's delay may make up for a part of the effect.
+    """
+    columns = [column for clip in clips if clip.inputs is not None for column in clip.inputs[clip.valid].T]
+    return bool(columns) and all(_jumps(column[np.isfinite(column)]) for column in columns)
+
+
+def _jumps(values: Array) -> bool:
+    changes = np.diff(values) != 0
+    followed = np.count_nonzero(changes[:-1] & changes[1:])
+    return int(changes.sum()) >= MIN_JUMPS and followed <= (1.0 - ALONE) * changes.sum()
 
 
 def holds_compared(

@@ -97,7 +97,7 @@ HIDDEN = (
     Hidden("play of the input", frozenset({"input-backlash"}), acts=played),
     Hidden("gain that grows one way", frozenset({"input-asymmetry"}), acts=lambda u: u + 0.03 * u**2),
     Hidden("input four samples late", frozenset({"input-delay"}), acts=lambda u: np.r_[np.full(4, u[0]), u[:-4]]),
-    Hidden("sensor of 30 ms", frozenset({"exposure-lag"}), seen=lagging),
+    Hidden("sensor of 30 ms", frozenset({"sensor-lag", "exposure-lag"}), seen=lagging),
     Hidden("steps of 10 mm", seen=lambda q: np.round(q / 0.01) * 0.01),
 )
 

@@ -16,6 +16,7 @@ from numpy.polynomial import legendre
 from fitters.compose_effects import bodies_of
 from fitters.effect_sensitivity import EffectMotion, rates
 from iris_sysid.types import Array, Quantity
+from iris_sysid.units import rate_of
 
 JUMP = 0.03  # of the largest speed: below it dry friction is rounded off, as its reversal is between two samples
 SLOW = 0.7  # of the motion's own frequency: what is faster may be the motion itself
@@ -83,7 +84,7 @@ class Scale:
             np.stack(_span(np.concatenate(list(seen)), repeats)),
             _largest(np.concatenate(list(rates_seen))),
             repeats,
-            motions[0].model.second_order,
+            motions[0].model.second_order or motions[0].model.of_speeds,
         )
 
 
@@ -98,7 +99,8 @@ def _span(values: Array, repeats: bool) -> tuple[Array, Array]:
 
 
 def _velocity(motion: EffectMotion) -> Array:
-    moving = motion.states if motion.model.second_order else motion.slopes
+    has_velocity = motion.model.second_order or motion.model.of_speeds
+    moving = motion.states if has_velocity else motion.slopes
     return moving[:, motion.model.forced_states]
 
 
@@ -133,14 +135,12 @@ def bases_of(motion: EffectMotion, seen: Array, seen_rate: Array, scale: Scale) 
         _reading_of_velocity(seen, seen_rate, scale, motion),
         _clock(motion, seen_rate),
     ]
-    forces = [
-        _force_of_position(motion, scale),
-        _force_of_time(motion),
-        _own_drift(motion),
-    ]
+    forces = [_force_of_time(motion), _own_drift(motion)]
+    if not motion.model.of_speeds:
+        forces = [_force_of_position(motion, scale), *forces]
     if motion.response is not None:  # else each response is an integration, and these have hundreds
         forces += [_pulse(motion), _periodic(motion)]
-    if motion.model.second_order:
+    if scale.has_speed:
         forces = [_force_of_velocity(motion, scale), *forces]
     if motion.inputs is not None:
         forces.append(_input(motion))
@@ -200,15 +200,15 @@ def _answers(motion: EffectMotion, forces: Array) -> Array:
 
 
 def _force_units(motion: EffectMotion) -> tuple[Quantity, ...]:
-    count = motion.model.degrees_of_freedom
-    rate = "s^2" if motion.model.second_order else "s"
-    return tuple(Quantity(state.name, f"{state.unit}/{rate}") for state in motion.model.states[:count])
+    forced = motion.model.states[motion.model.forced_states]
+    named = motion.model.states[: len(forced)]
+    return tuple(Quantity(state.name, rate_of(slope.unit)) for state, slope in zip(named, forced, strict=True))
 
 
 def _argument(motion: EffectMotion, of_velocity: bool) -> Quantity:
     """The position, or the velocity, of the first degree of freedom."""
     first = motion.model.states[0]
-    return Quantity(f"{first.name} rate", f"{first.unit}/s") if of_velocity else first
+    return _rate_of(first) if of_velocity and not motion.model.of_speeds else first
 
 
 # Reading and clock --------------------------------------------------------------------------------------------------
@@ -273,7 +273,7 @@ def _reading_of_velocity(seen: Array, seen_rate: Array, scale: Scale, motion: Ef
 
 
 def _rate_of(quantity: Quantity) -> Quantity:
-    return Quantity(f"{quantity.name} rate", f"{quantity.unit}/s")
+    return Quantity(f"{quantity.name} rate", rate_of(quantity.unit))
 
 
 def _clock(motion: EffectMotion, seen_rate: Array) -> Basis:
@@ -294,7 +294,7 @@ def _clock(motion: EffectMotion, seen_rate: Array) -> Basis:
 
 
 def _force_of_velocity(motion: EffectMotion, scale: Scale) -> Basis:
-    """A force along the velocity of each body, a function of its speed with a jump at zero."""
+    """A force along the velocity of each body, a function of its speed with a jump at zero; of a speed also even."""
 
     def functions(velocity: Array) -> Array:
         parts = []
@@ -305,6 +305,8 @@ def _force_of_velocity(motion: EffectMotion, scale: Scale) -> Basis:
             part = np.zeros((*velocity.shape, sizes.shape[1]))
             part[:, body] = direction[:, :, None] * sizes[:, None]
             parts.append(part)
+        if motion.model.of_speeds:
+            parts.append(_own(velocity / scale.speed, lambda column: _polynomials(column, (0, 2))))
         return np.concatenate(parts, axis=2)
 
     at, along = _line(np.zeros_like(scale.speed), scale.speed)

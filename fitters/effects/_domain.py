@@ -14,6 +14,11 @@ def moves(model: OdeModel) -> bool:
     return model.second_order
 
 
+def has_speed(model: OdeModel) -> bool:
+    """Whether something moves, and its velocity is a state: of a model of second order, or of one of speeds."""
+    return moves(model) or model.of_speeds
+
+
 def moves_on_a_line(model: OdeModel) -> bool:
     """Whether the model is of second order with one degree of freedom."""
     return model.second_order and model.degrees_of_freedom == 1
@@ -42,7 +47,7 @@ def falls(model: OdeModel) -> bool:
 
 def rubs(model: OdeModel) -> bool:
     """Whether the model is of something that may rub on a support: not of a body in flight."""
-    return moves(model) and not falls(model)
+    return has_speed(model) and not falls(model)
 
 
 def hangs(model: OdeModel) -> bool:
@@ -57,7 +62,7 @@ def hangs_freely(model: OdeModel) -> bool:
 
 def drains(model: OdeModel) -> bool:
     """Whether the model is of first order in quantities of one kind: levels, or a brightness, that go down."""
-    return not model.second_order and len({state.unit for state in model.states}) == 1
+    return not model.second_order and not model.of_speeds and len({state.unit for state in model.states}) == 1
 
 
 def any_model(model: OdeModel) -> bool:

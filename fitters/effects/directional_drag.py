@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
-from fitters.effects._hidden import is_driven_on_a_line
-from iris_sysid.types import Effect, EffectExample, Parameter
+from fitters.effects._domain import has_speed
+from fitters.effects._drives import tells_one_reading
+from iris_sysid.types import Effect, EffectExample, OdeModel, Parameter
+
+
+def applies(model: OdeModel) -> bool:
+    """Whether one body is driven along a line or about an axis."""
+    return has_speed(model) and model.degrees_of_freedom == 1 and tells_one_reading(model)
 
 
 def acceleration(t: float, position: float, velocity: float, speed: float, base: float, params: tuple[float]) -> float:
@@ -19,7 +25,7 @@ EFFECT = Effect(
     source="Armstrong-Helouvry, Dupont and Canudas de Wit (1994), Automatica 30, 1083, section 2.1",
     parameters=(Parameter("directional_drag", "1/s", "b", default=0.0),),
     component="force-of-velocity",
-    applies=is_driven_on_a_line,
+    applies=applies,
     plausibility=0.3,
     acceleration=acceleration,
     alike="constant-force, where all speeds are alike; quadratic drag, of a motion that keeps its direction",

@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import partial
 
-from fitters.effects._domain import moves
+from fitters.effects._domain import has_speed
 from fitters.effects._powers import MIN_BASE, SCALE, at_usual_speed, power
 from iris_sysid.types import Effect, EffectExample, OdeModel, Parameter
 
 
 def applies(model: OdeModel) -> bool:
     """Where the model moves and has no such term of its own."""
-    return moves(model) and not model.with_role("damping")
+    return has_speed(model) and not model.with_role("damping")
 
 
 def acceleration(

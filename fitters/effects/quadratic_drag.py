@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import partial
 
-from fitters.effects._domain import moves
+from fitters.effects._domain import has_speed
 from fitters.effects._powers import MIN_BASE, SCALE, at_usual_speed, power
 from iris_sysid.types import Effect, EffectExample, Parameter
 
@@ -29,7 +29,7 @@ EFFECT = Effect(
         replace(SCALE, name="quadratic_drag_speed"),
     ),
     component="force-of-velocity",
-    applies=moves,
+    applies=has_speed,
     acceleration=acceleration,
     trials=partial(at_usual_speed, 2.0),
     alike="linear drag, when the speed barely varies",

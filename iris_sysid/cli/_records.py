@@ -60,8 +60,11 @@ def held(
     stated = HOLDS[hold]
     if stated is not None:
         return [clip.with_(hold=stated) for clip in clips]
-    from fitters.input_hold import holds_compared
+    from fitters.input_hold import holds_compared, jumps
 
+    if jumps(clips):
+        typer.echo(f"inputs between samples: {IN_WORDS['zero-order']} (they keep their values between jumps)", err=True)
+        return [clip.with_(hold="zero-order") for clip in clips]
     compared = holds_compared(clips, model, fixed=fixed, free=free, start=start)
     if not compared:
         return list(clips)
@@ -70,8 +73,10 @@ def held(
 
 
 def each_hold(clips: Sequence[Trajectory], hold: str) -> dict[Hold, list[Trajectory]]:
-    """The records with each hold of their inputs to try: the stated one, or both where there are inputs."""
-    stated = HOLDS[hold]
+    """The records with each hold of their inputs to try: the stated or visible one, or both where there are inputs."""
+    from fitters.input_hold import jumps
+
+    stated = HOLDS["zero" if hold == "auto" and jumps(clips) else hold]
     driven = any(clip.input_quantities for clip in clips)
     tried: Sequence[Hold] = [stated] if stated is not None else [*IN_WORDS] if driven else [clips[0].hold]
     return {each: [clip.with_(hold=each) for clip in clips] for each in tried}

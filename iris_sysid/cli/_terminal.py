@@ -108,17 +108,18 @@ def from_positions(clip: Trajectory, model: OdeModel) -> tuple[Trajectory, str]:
 
 
 def _check_observed(clip: Trajectory, model: OdeModel, table: Path) -> None:
-    """Raise DataError with the option that names columns where a quantity that the model observes is missing."""
-    names = [quantity.name for quantity in clip.quantities]
-    missing = [quantity for quantity in model.observed if quantity.name not in names]
-    if missing:
-        from iris_sysid.io.table_headers import columns_for
+    """Raise DataError with the option that names columns where what the model observes, or its input, is missing."""
+    observed, given = ([each.name for each in some] for some in (clip.quantities, clip.input_quantities))
+    lacks = [(model.observed, "observes", observed), (model.inputs, "is driven by", given)]
+    for quantities, does, names in lacks:
+        if any(quantity.name not in names for quantity in quantities):
+            from iris_sysid.io.table_headers import columns_for
 
-        raise DataError(
-            f"{table}: model {model.name} observes {', '.join(quantity.name for quantity in model.observed)}, but the "
-            f"table has {', '.join(names)}: choose another --model, or say which columns they are",
-            columns=columns_for(table, missing),
-        )
+            raise DataError(
+                f"{table}: model {model.name} {does} {', '.join(quantity.name for quantity in quantities)}, but the "
+                f"table has {', '.join((*observed, *given))}: choose another --model, or say which columns they are",
+                columns=columns_for(table, (*model.observed, *model.inputs)),
+            )
 
 
 def refuse(options: Mapping[str, object], reason: str) -> None:

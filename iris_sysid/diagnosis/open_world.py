@@ -28,6 +28,7 @@ from iris_sysid.types import Component, Components, Effect, Finding
 
 ABSORBED_SHARE = 0.5  # of the squared error over blocks left out that what can imitate anything removes, if it is named
 DOMINANT_SHARE = 0.85  # of the residual's squares that it explains alone, where the components do not say it
+READINGS = 2  # best errors of a reading, that are tried beside what short windows show
 WEAK_SHARE = 0.5  # of the residual's variance, that a free run with values in weak form removes
 LOCATED_SHARE = 0.05  # of the residual's variance from which a component without an effect is reported
 
@@ -98,7 +99,8 @@ class OpenWorld:
         """What the weak form of a driven motion says, whose free run is far off; None where it says nothing.
 
         It is the largest set with a free run of possible sizes that is nearer than without the last effect: in short
-        windows an effect may fit that cannot be.
+        windows an effect may fit that cannot be. Nothing where an error of the reading explains more: short windows
+        take it for a force.
         """
         if not self.shares.testable:
             return None
@@ -110,7 +112,20 @@ class OpenWorld:
             if chosen is not None and model.squares > chosen[1].squares:
                 break
             chosen = found, model
-        return None if chosen is None or not self._is_followed(*chosen) else self._of_weak(*chosen)
+        if chosen is None or not self._is_followed(*chosen) or self._is_misread(chosen[1]):
+            return None
+        return self._of_weak(*chosen)
+
+    def _is_misread(self, model: ModelWithEffects) -> bool:
+        """Whether one error of the reading explains the free run better than a model does that leaves a residual."""
+        base, library = self._cache.base, self._cache.library.by_name
+        if model.explains:
+            return False
+        names = [name for name in self._cache.testable(base) if library[name].observe and not library[name].absorbs]
+        screening = self._cache.screening(base)
+        best = [name for name in screening.names if name in names][:READINGS]
+        readings = [self._cache.with_added(base, screening.single(name)) for name in best]
+        return any(self.shares.allows(each) and each.squares < model.squares for each in readings)
 
     def _is_followed(self, found: WeakSet, model: ModelWithEffects) -> bool:
         """Whether free runs with the values in weak form explain much of the residual; not where a sensor lags."""

@@ -14,12 +14,13 @@ from itertools import combinations
 
 import numpy as np
 
+from fitters.compose_effects import moved, unit_in
 from fitters.effect_sensitivity import EffectMotion, motion_of, sensitivities
 from fitters.noise.autoregression import Autoregression, grid_positions, on_grid
 from fitters.noise.sandwich_covariance import inverse_normal, middle, random_uncertainty
 from iris_sysid.diagnosis.block_means import Residuals, block_means
 from iris_sysid.diagnosis.measurement_errors import resolvable_size, stated_errors, unit_noise
-from iris_sysid.types import Array, Effect, FitResult, Score, Trajectory, normal_isf
+from iris_sysid.types import Array, Effect, FitResult, OdeModel, Score, Trajectory, normal_isf
 
 PARALLEL = 0.99  # cosine between projected sensitivities above which two effects are indistinguishable
 MAX_NUMBERS = 20_000_000  # largest array of directions; beyond it, pairs use only the best shape of each effect
@@ -60,7 +61,7 @@ class _Residual:
     ``values`` (n, d); ``priors`` (j,) those of the priors, each one more sample that no effect changes; ``basis``
     (n * d + j, k) orthonormal, spans what the k fitted values can imitate, ``solve`` (k, k) turns components along it
     into their values, ``free`` are their names; ``process`` is one autoregression a quantity;
-    ``stated`` (n, d) the stated errors of the track, 0 where there are none; ``unit`` that of the observed quantity.
+    ``stated`` (n, d) the stated errors of the track, 0 where there are none; ``model`` what was fitted.
     """
 
     t_s: Array
@@ -71,7 +72,7 @@ class _Residual:
     free: tuple[str, ...]
     process: tuple[Autoregression, ...]
     stated: Array
-    unit: str
+    model: OdeModel
 
     @classmethod
     def of(cls, fitted: FitResult, noise: Array, stated: Array) -> _Residual:
@@ -84,9 +85,8 @@ class _Residual:
         process = random_uncertainty(t_s, values, shaped, inverse_normal(jacobian)).noise
         basis, triangle = np.linalg.qr(jacobian)
         solve = np.linalg.pinv(triangle, rcond=SINGULAR) / scale[:, None]
-        unit = fitted.model.observed[0].unit
         priors = fitted.prior_residual
-        return cls(t_s, values, priors, basis, solve, tuple(fitted.free), process, stated / noise, unit)
+        return cls(t_s, values, priors, basis, solve, tuple(fitted.free), process, stated / noise, fitted.model)
 
     @property
     def flat(self) -> Array:
@@ -119,7 +119,7 @@ class _Residual:
 
         NaN where the parameters can imitate all shapes.
         """
-        unit = effect.parameters[0].unit.replace("{x}", self.unit)
+        unit = unit_in(self.model, effect, effect.parameters[0].unit)
         hidden = Score(effect.name, np.nan, np.nan, unit, 0.0, self.total, 0.0, tried=tried)
         if not directions:
             return hidden
@@ -246,7 +246,8 @@ def screen(effects: Sequence[Effect], fitted: FitResult, trajectory: Trajectory)
     given = trajectory.inputs_at(residual.t_s)
     for effect in effects:
         tested = observed if effect.drive is None or given is None else given
-        shapes = list(effect.trials(residual.t_s, tested)) if effect.trials is not None else [()]
+        places = moved(fitted.model, effect, residual.t_s, tested)
+        shapes = list(effect.trials(residual.t_s, places)) if effect.trials is not None else [()]
         directions_of = partial(_directions_of, effect, residual, noise, (fitted, trajectory, motion))
         visible = _visible_directions(effect, shapes, residual.t_s, directions_of)
         rows += visible

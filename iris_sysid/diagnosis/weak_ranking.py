@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fitters.compose_effects import moved
 from fitters.effect_sensitivity import forces_along
 from fitters.ode import FitRequest
 from fitters.ode.weak_fit import WeakFit, is_observed, weak_fit, weak_gains
@@ -187,7 +188,8 @@ class WeakRanking:
         valid = np.flatnonzero(clip.valid)
         given = clip.inputs_at(clip.t_s[valid])
         tested = clip.position[valid] if effect.drive is None or given is None else given
-        shapes = [()] if effect.trials is None else list(effect.trials(clip.t_s[valid], tested))
+        places = moved(self._model, effect, clip.t_s[valid], tested)
+        shapes = [()] if effect.trials is None else list(effect.trials(clip.t_s[valid], places))
         ranked = effect.acceleration is not None and len(shapes) > 1 and len(self._clips) == 1
         if ranked or (effect.memory and shapes):
             shapes = self._nearest(current, effect, shapes)

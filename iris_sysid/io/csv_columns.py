@@ -66,7 +66,8 @@ class Column:
 
 def parse_column(header: str) -> Column:
     """Take a column's name apart; DataError explains the grammar where it does not follow it."""
-    match = PATTERN.fullmatch(header if INPUT.fullmatch(header) is None else f"{header}_1")
+    spelled = header.replace("/s^", "_s").replace("/s", "_s")  # w_rad/s is w in rad/s, as w_rad_s is
+    match = PATTERN.fullmatch(spelled if INPUT.fullmatch(header) is None else f"{header}_1")
     if match is None:
         raise DataError(
             f"column {header!r:.60} is not <name>_<unit>{_nearest(header):.60}; units are {', '.join(COLUMN_UNITS)}"

@@ -73,6 +73,9 @@ BRACKETED = re.compile(r"(?P<name>.*?)\s*[\(\[]\s*(?P<unit>[^()\[\]]*?)\s*[\)\]]
 RATE = r"(?:/s(?:\^?[23]|²)?)?"
 DIVIDED = re.compile(rf"(?P<name>.*?)(?:\s*/\s*|\s+in\s+)(?P<unit>[^\s/]+{RATE})\s*")
 ENDING = re.compile(rf"(?P<name>.*?)[_\s]+(?P<unit>(?![AVNKWL1]\b)[^\s/_]+{RATE})\s*")  # ball_A is not a current
+NAMED = re.compile(  # but this is
+    r"(?P<name>(?:.*[_\s])?(?:force|voltage|current|power|temperature))[_\s]+(?P<unit>[AVNKW])\s*", re.IGNORECASE
+)
 OWN = re.compile(r"(?P<name>[uy][0-9]*)_(?P<unit>\S+)")  # u_V is a voltage, as in a table of this project
 STATED = re.compile(
     r"(?P<name>[A-Za-z]\w*)\s*(?:\[\s*(?:(?P<share>1/)?(?P<factor>-?[0-9]+\.?[0-9]*(?:[eE][-+]?[0-9]+)?)\s+)?(?P<unit>[^\]]*)\])?"
@@ -209,7 +212,7 @@ def _taken_apart(title: str) -> tuple[str, tuple[str, float] | None]:
     if len(title) > MAX_TITLE:
         return title, None
     title = title.rpartition("/")[2] if "/" in title and _unit(title.rpartition("/")[2]) is None else title
-    for pattern in (OWN, BRACKETED, DIVIDED, ENDING):
+    for pattern in (OWN, NAMED, BRACKETED, DIVIDED, ENDING):
         match = pattern.fullmatch(title)
         unit = _unit(match["unit"]) if match and match["name"] else None
         if match and unit:
@@ -269,7 +272,7 @@ def _stated_time(cells: Cells, titles: Sequence[str], stated: Mapping[str, str])
 
 
 def columns_for(path: str | Path, quantities: Sequence[Quantity]) -> dict[str, str]:
-    """An example of the columns of a table that hold some quantities: its own titles in order, without inputs."""
+    """An example of the columns of a table that hold some quantities: its own titles in order, inputs called u last."""
     cells = read_cells(path)
     titles = titles_of(cells)
     numeric = _numeric(cells, titles)
@@ -278,10 +281,22 @@ def columns_for(path: str | Path, quantities: Sequence[Quantity]) -> dict[str, s
     except DataError:
         time = 0
     others = [k for k in numeric if k != time]
-    outputs = [k for k in others if not INPUT.fullmatch(_plain(_taken_apart(titles[k])[0]))]
-    shown = [f"{titles[k]:.60}" for k in outputs or others] or ["COLUMN"]
-    asked = {f"{each.name}[{each.unit}]": shown[min(k, len(shown) - 1)] for k, each in enumerate(quantities)}
+    others.sort(key=lambda k: INPUT.fullmatch(_plain(_taken_apart(titles[k])[0])) is not None)
+    shown = [titles[k] for k in others] or ["COLUMN"]
+    asked = {}
+    for quantity in quantities:
+        same = [title for title in shown if _is_of(title, quantity)]
+        title = (same or shown)[0]
+        unit = _taken_apart(title)[1] if same else None  # a column in mm is not to be read in m
+        asked[f"{quantity.name}[{Meaning(0, quantity.name, *unit).unit_text if unit else quantity.unit}]"] = title[:60]
+        shown = [other for other in shown if other != title] or shown
     return {"t": f"{titles[time]:.60}", **asked}
+
+
+def _is_of(title: str, quantity: Quantity) -> bool:
+    """Whether a column states a unit of the kind that a quantity has."""
+    unit = _taken_apart(title)[1]
+    return unit is not None and SUFFIXES[unit[0]][0] == quantity.unit
 
 
 def example_of(titles: Sequence[str]) -> dict[str, str]:

@@ -299,7 +299,7 @@ def _angle(diagnosis: Diagnosis, value: float) -> str:
     if not math.isfinite(value):
         return "unknown"
     unit, factor = shown_unit(diagnosis.unit)
-    return f"{factor * value:.3g}°" if unit == "°" else with_unit(f"{value:.3g}", unit)
+    return f"{factor * value:.3g}°" if unit == "°" else with_unit(f"{factor * value:.3g}", unit)
 
 
 def changed_parameters(diagnosis: Diagnosis) -> list[tuple[str, Estimate, Estimate]]:

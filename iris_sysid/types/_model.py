@@ -16,6 +16,7 @@ from iris_sysid.types._display import text_of, with_units
 from iris_sysid.types._motion import Trajectory
 from iris_sysid.types._numbers import Quantity
 from iris_sysid.types._pickling import Portable
+from iris_sysid.types._taken_from import driven_by, upwards
 from iris_sysid.types._view import Sensor, View
 
 ParameterRole = Literal[
@@ -169,6 +170,11 @@ class OdeModel(Portable):
         return not odd and half > 0 and all(rate.unit == f"{position.unit}/s" for position, rate in pairs)
 
     @property
+    def of_speeds(self) -> bool:
+        """Whether the model is of first order and begins with a speed: forces act on it wherever the body is."""
+        return not self.second_order and self.states[0].unit.endswith("/s")
+
+    @property
     def degrees_of_freedom(self) -> int:
         """Number of highest derivatives, on which forces act: one a position, or one a state of first order."""
         return len(self.own_states) // 2 if self.second_order else len(self.own_states)
@@ -199,12 +205,20 @@ class OdeModel(Portable):
         return {parameter.name: parameter.unit for parameter in self.parameters} | initial
 
     def taken_from(self, trajectory: Trajectory) -> tuple[Trajectory, str]:
-        """The trajectory with its only fitting quantity under the name that the model observes, and what to say of it.
+        """The trajectory with the quantities that fit under the names that the model uses, and what to say of it.
 
-        A model of one quantity takes the only one of its unit, whatever its name. The text names what is
-        not used; it is empty where everything is used under its own name.
+        A model of one quantity takes the only one of its unit, whatever its name, and of one input likewise; y in
+        metres is z beside x. The text names what is not used; it is empty where everything is used under its own name.
         """
         observed = [quantity.name for quantity in self.observed]
+        trajectory, driven = driven_by(trajectory, self.inputs, observed)
+        trajectory, turned = upwards(trajectory, observed)
+        trajectory, said = self._observed_from(trajectory, observed)
+        taken = "; ".join(part for part in (driven, turned) if part)
+        return trajectory, "; ".join(part for part in (taken and f"{taken} for the model {self.name}", said) if part)
+
+    def _observed_from(self, trajectory: Trajectory, observed: Sequence[str]) -> tuple[Trajectory, str]:
+        """The same for what the model observes."""
         idle = [quantity.name for quantity in trajectory.quantities if quantity.name not in observed]
         if len(idle) < len(trajectory.quantities):
             unused = f"{', '.join(idle)} is not observed by the model {self.name}: not used" if idle else ""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitters.compose_effects import check_applies, with_effect
+from fitters.compose_effects import check_applies, moved, unit_in, with_effect
 from fitters.effect_sensitivity import shaped
 from fitters.ode import sensitivity, simulate
 from iris_sysid.diagnosis.score_test import critical_value
@@ -90,7 +90,7 @@ def detection_limits(
         ]
         for start in starts
     ]
-    unit = lacking.parameters[0].unit.replace("{x}", described.observed[0].unit)
+    unit = unit_in(described, lacking, lacking.parameters[0].unit)
     return DetectionLimits(lacking.name, unit, varied, np.array(starts), np.array(seconds), np.array(sizes))
 
 
@@ -140,7 +140,7 @@ def camera_noise(distance_m: float, noise_px: float, width_px: float = WIDTH_PX)
 def _limit(model: OdeModel, effect: Effect, values: Mapping[str, float], noise: float, t_s: Array) -> float:
     """The size that is found in half of the clips at these times (n,) s."""
     seen = simulate(model, t_s, values).observed
-    shape = next(iter(effect.trials(t_s, seen))) if effect.trials is not None else ()
+    shape = next(iter(effect.trials(t_s, moved(model, effect, t_s, seen)))) if effect.trials is not None else ()
     composed = with_effect(model, shaped(effect, shape))
     size = effect.parameters[0].name
     fitted = [each.name for each in model.parameters if not each.constant] + list(model.initial_names)
