@@ -22,11 +22,11 @@ from iris_sysid.units import rate_of
 Kind = Literal["angle", "position", "size", "amount"]
 
 # The function of a term: of its own value a, another value b, its rate v and the body's speed w.
-ONE, LINEAR, SIN, COS, CUBE, ROOT, SQUARE, DIFFERENCE, RATE, DRAG, DRY, INPUT, OTHER_ROOT = range(13)
+ONE, LINEAR, SIN, COS, CUBE, ROOT, SQUARE, DIFFERENCE, RATE, DRAG, DRY, INPUT, OTHER_ROOT, SQUARE_RATE = range(14)
 
 CODES: dict[Kind, tuple[int, ...]] = {
     "angle": (ONE, LINEAR, SIN, COS, RATE, DRAG, DRY),
-    "position": (ONE, LINEAR, CUBE, RATE, DRAG, DRY),
+    "position": (ONE, LINEAR, CUBE, RATE, DRAG, DRY, SQUARE_RATE),
     "size": (ONE, LINEAR, RATE),
     "amount": (ONE, LINEAR, ROOT, SQUARE),
 }
@@ -34,7 +34,7 @@ CODES: dict[Kind, tuple[int, ...]] = {
 TURNOVER = 0.1
 NAMES = {
     ONE: "constant", LINEAR: "linear", SIN: "sin", COS: "cos", CUBE: "cube", ROOT: "root", SQUARE: "square",
-    RATE: "rate", DRAG: "drag", DRY: "dry",
+    RATE: "rate", DRAG: "drag", DRY: "dry", SQUARE_RATE: "square_rate",
 }  # fmt: skip
 # The effect that adds this term to an acceleration.
 EFFECTS = {
@@ -253,6 +253,7 @@ def _spelling(own: Variable, code: int, second: Quantity | None) -> tuple[str, s
         RATE: (v, y, (angle, 1)),
         DRAG: (f"|{v}| {v}", rf"|{y}|\,{y}", (2 * angle, 2)),
         DRY: (f"sign({v})", rf"\mathrm{{sign}}\,{y}", (0, 0)),
+        SQUARE_RATE: (f"{a}^2 {v}", rf"{x}^2 {y}", (3, 1)),  # van der Pol (1926): damping that grows with the swing
         INPUT: (b, z, (0, 0)),
         OTHER_ROOT: (f"sqrt({b})", rf"\sqrt{{{z}}}", (0.5, 0)),
     }
@@ -330,6 +331,8 @@ def term_value(  # noqa: C901 - one line a function; a table of functions is not
         return speed * velocity
     if code == DRY:
         return velocity / np.sqrt(speed * speed + turnover * turnover)
+    if code == SQUARE_RATE:
+        return own * own * velocity
     if code == INPUT:
         return pushed
     return np.sqrt(np.maximum(other, 0.0))

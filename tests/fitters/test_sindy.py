@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pysindy
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.optimize import curve_fit
 
 from fitters.ode import simulate
@@ -100,6 +101,19 @@ def test_equation_that_the_bank_lacks_is_reported_to_differ_from_the_nearest():
     assert discovery.nearest.model == "linear-oscillator"
     assert discovery.nearest.extra == ("|z'| z' in z''",)
     assert "Not in the bank: the nearest is linear-oscillator" in discovery_sentence(discovery)
+
+
+def test_damping_that_grows_with_the_swing_is_found_on_a_limit_cycle():
+    """The oscillator of van der Pol, integrated by SciPy: a swing that is fed where it is small."""
+    t_s = np.arange(1000) / 50
+    slopes = lambda t, state: [state[1], 0.8 * (1.0 - state[0] ** 2) * state[1] - state[0]]  # noqa: E731
+    x = solve_ivp(slopes, (0.0, 20.0), [1.5, 0.0], "DOP853", t_s, rtol=1e-10, atol=1e-12).y[0]
+    discovery = discover(seen(t_s, x, Quantity("x", "m"), noise=5e-3), resampled=5)
+    assert selected(discovery) == {"x_linear", "x_rate", "x_square_rate"}
+    found = {term.parameter: term.coefficient for term in discovery.selected}
+    for name, value in (("x_linear", -1.0), ("x_rate", 0.8), ("x_square_rate", -0.8)):
+        assert abs(found[name].value - value) < 4 * found[name].stderr < 0.05
+    assert found["x_square_rate"].unit == "1/m^2/s"
 
 
 def test_known_input_enters_the_equation():
