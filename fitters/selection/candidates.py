@@ -9,6 +9,7 @@ import numpy as np
 
 from fitters.compose_effects import with_effect
 from fitters.integrator.event_times import event_times
+from fitters.models._gravity import STANDARD_GRAVITY
 from fitters.ode import FitOptions, FitRequest, simulate, solve
 from fitters.selection.observables import (
     TILTED,
@@ -24,6 +25,7 @@ from iris_sysid.types import Array, Estimate, FitResult, Mask, ModelCandidate, O
 
 FIRST_FIT_SAMPLES = 400  # samples for a first fit: of more than twice that every second is taken, and so on
 ADEQUATE_NOISE, ADEQUATE_MOTION = 3.0, 0.02  # residual below 3 times the noise, or 2 % of the motion
+GRAVITY_FACTOR = 2.0  # by which a wrong scale or rate or a strong drag may falsify gravity
 WITH_DRAG_MOTION = 0.2  # residual of the motion above which no drag would make an equation the right one
 FAR = 1e6  # in units of the noise: a prediction that has diverged
 NEAR = 10.0  # times the best held-out error: what predicts worse is not fitted to all samples
@@ -149,11 +151,29 @@ def _expected(begun: _Begun) -> float:
 
 
 def _idle(model: OdeModel, full: FitResult, t_s: Array) -> bool:
-    """Whether a model has events and none happens in its fit with SHOWN samples or more on either side."""
+    """Whether what a model is about is not in the samples: its events, a rest position, or gravity.
+
+    An event counts with SHOWN samples or more on either side. An oscillation that never passes its rest position, or a
+    fall with any acceleration, can take the shape of many short and smooth motions.
+    """
     if not model.events:
-        return False
+        return _never_at_rest(model, full) or _not_gravity(model, full)
     happened = event_times(model, t_s, {name: estimate.value for name, estimate in full.estimates.items()})
     return not any(t_s[SHOWN - 1] < event.t_s < t_s[-SHOWN] for event in happened)
+
+
+def _never_at_rest(model: OdeModel, full: FitResult) -> bool:
+    rests = [full.estimates[parameter.name].value for parameter in model.with_role("offset")]
+    if not model.second_order or len(rests) != len(model.observed):
+        return False
+    beside = full.predicted[full.used] - np.array(rests)
+    return bool(np.any(np.min(beside, axis=0) * np.max(beside, axis=0) > 0))
+
+
+def _not_gravity(model: OdeModel, full: FitResult) -> bool:
+    fitted = [full.estimates[each.name] for each in model.with_role("gravity") if each.name in full.free]
+    metric = [abs(estimate.value) / STANDARD_GRAVITY for estimate in fitted if estimate.unit == "m/s^2"]
+    return any(not 1 / GRAVITY_FACTOR < ratio < GRAVITY_FACTOR for ratio in metric)
 
 
 def _left_behind(begun: _Begun) -> ModelCandidate:

@@ -19,7 +19,16 @@ from iris_sysid.types import Array, Mask, OdeModel, Quantity, Trajectory
 
 MAX_RADIUS = 30.0  # times the extent of a track: a circle that large is a line
 ObservableName = Literal[
-    "as given", "position", "height", "tilted height", "distance", "angle", "apparent radius", "angles", "distances"
+    "as given",
+    "level",
+    "position",
+    "height",
+    "tilted height",
+    "distance",
+    "angle",
+    "apparent radius",
+    "angles",
+    "distances",
 ]
 TILTED: ObservableName = "tilted height"
 INCLINATION = "angle"  # the constant of models that move along a line: its angle from the horizontal
@@ -101,7 +110,8 @@ def observables_of(raw: Raw, known: Mask) -> list[ObservableCandidate]:
     no_rest = np.empty((raw.t_s.size, 0))
     if not raw.has("x", "z"):
         units = tuple(quantity.unit for quantity in raw.quantities)
-        return [ObservableCandidate("as given", raw.channels, units, 1 / raw.noise, no_rest, 0)]
+        name: ObservableName = "level" if [quantity.name for quantity in raw.quantities] == ["h"] else "as given"
+        return [ObservableCandidate(name, raw.channels, units, 1 / raw.noise, no_rest, 0)]
     lever, (x, z) = 1 / raw.sigma("x", "z"), raw.plane.T
     across = lever * (x - np.mean(x[known]))
     observables = [
@@ -214,6 +224,7 @@ def _sloping(model: OdeModel) -> bool:
 
 ONLY: Mapping[ObservableName, Callable[[OdeModel], bool]] = {
     "height": _upright,
+    "level": _upright,
     TILTED: _upright,
     "distance": _sloping,
     "position": lambda model: {quantity.name for quantity in model.observed} == {"x", "z"},

@@ -224,10 +224,14 @@ def _all_of(key: tuple[str, str], parts: Sequence[ModelCandidate]) -> ModelCandi
 
 
 def _chosen(tried: Sequence[ModelCandidate], n_heldout: int) -> ModelChoice:
-    """Rank: held-out error first, then what the samples show, then BIC."""
+    """Rank: held-out error first, then what the samples show, then BIC.
+
+    A model whose events or rest position are not in the samples is chosen only where no other one is adequate.
+    """
     fitted = [
         candidate for candidate in tried if np.isfinite(candidate.bic)
     ] or tried  # to all samples, not only to the first
+    fitted = [candidate for candidate in fitted if candidate.adequate and not candidate.idle] or fitted
     best = min(candidate.heldout for candidate in fitted)
     alike = best * (1.0 + 3.0 / np.sqrt(2.0 * max(n_heldout, 1)))  # three standard errors of a root mean square
     near = sorted(

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from fitters.compose_effects import with_effects
 from fitters.ode import simulate
@@ -125,6 +126,27 @@ def test_cord_that_never_goes_slack_is_no_evidence_for_one_that_may():
     assert choice.chosen.model == "pendulum"
     idle = {candidate.model: candidate.idle for candidate in choice.ranking}
     assert idle == {"pendulum": False, "slack-cord": True}
+
+
+def test_smooth_motion_is_no_oscillation_about_a_place_that_it_never_passes():
+    """A slide with drag: a spring at rest far ahead predicts it better than a constant acceleration does."""
+    t_s = np.arange(120) / 120
+    slopes = lambda t, state: [state[1], 3.0 - 0.6 * state[1] ** 2]  # noqa: E731
+    way = solve_ivp(slopes, (0.0, 1.0), [0.0, 0.0], "DOP853", t_s, rtol=1e-10, atol=1e-12).y[0]
+    choice = select_model(track(t_s, {"s": way}, ["m"], 1e-3), few("incline", "linear-oscillator", "free-fall"))
+    assert choice.chosen.model == "incline"
+    idle = {candidate.model: candidate.idle for candidate in choice.ranking}
+    assert idle == {"incline": False, "linear-oscillator": True, "free-fall": True}  # 3 m/s^2 are not gravity
+    assert choice.verdict.word == "doubtful"
+
+
+def test_level_that_drains_faster_than_its_equation_is_still_a_level():
+    t_s = np.arange(240) / 4
+    slopes = lambda t, level: -0.012 * np.sqrt(np.maximum(level, 0.0)) - 0.004 * level  # noqa: E731
+    level = solve_ivp(slopes, (0.0, 60.0), [0.4], "DOP853", t_s, rtol=1e-10, atol=1e-12).y[0]
+    choice = select_model(track(t_s, {"h": level}, ["m"], 8e-4))
+    assert choice.chosen.model == "torricelli"
+    assert "incline" not in {candidate.model for candidate in choice.ranking}
 
 
 def test_fall_seen_by_a_camera_that_leans_is_still_a_fall():
