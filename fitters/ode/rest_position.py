@@ -78,4 +78,5 @@ def is_better(fitted: FitResult, held: FitResult, names: Sequence[str]) -> bool:
     """
     rests = [fitted.estimates[name] for name in names]
     clear = any(abs(rest.value) > MIN_SIGMAS * rest.stderr for rest in rests)
-    return fitted.usable and clear and (not held.usable or fitted.bic < held.bic)
+    follows = bool(np.all(fitted.rms**2 < 0.5 * held.rms**2))  # most of what was left is the rest position, if unsure
+    return fitted.usable and (clear or follows) and (not held.usable or fitted.bic < held.bic)

@@ -18,6 +18,7 @@ import numpy as np
 
 from fitters.components import marginal
 from fitters.ode import FitRequest, solve
+from fitters.ode.rest_position import held_zeros, is_better
 from fitters.ode.weak_fit import is_observed, weak_fit
 from iris_sysid.diagnosis.contributions import starts_of
 from iris_sysid.diagnosis.evidence import best_first
@@ -186,6 +187,7 @@ def _with_run(request: FitRequest, fitted: FitResult) -> tuple[FitRequest, FitRe
 
     A drive without its friction, for one, fits best with a mass so large that nothing moves.
     """
+    request, fitted = _about_its_rest(request, fitted)
     follows = fitted.usable and fitted.explained >= FOLLOWED
     found = weak_fit(request) if request.model.inputs and not follows else None
     if found is None:
@@ -193,6 +195,16 @@ def _with_run(request: FitRequest, fitted: FitResult) -> tuple[FitRequest, FitRe
     own = {name: found.values[name] for name in found.stderr}
     start = {name: found.values[name] for name in request.model.initial_names}
     return request, solve(request.with_(fixed={**own, **request.fixed}, free=()).from_near(start))
+
+
+def _about_its_rest(request: FitRequest, fitted: FitResult) -> tuple[FitRequest, FitResult]:
+    """The same, about a rest position off zero where a model that takes zero for it does not follow the data."""
+    rests = held_zeros(request.trajectory, request.model, {*request.fixed, *request.free})
+    if not rests or (fitted.usable and fitted.explained >= FOLLOWED):
+        return request, fitted
+    freed = request.with_(free=[*request.free, *rests])
+    moved = solve(freed)
+    return (freed, moved) if is_better(moved, fitted, rests) else (request, fitted)
 
 
 def _complete_start(cache: FitCache, world: OpenWorld, judged: ModelWithEffects) -> ModelWithEffects | None:

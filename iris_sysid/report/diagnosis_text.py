@@ -33,6 +33,7 @@ from iris_sysid.types import (
 )
 
 MIN_SHARE = 0.03  # of a part of the residual that the sentence mentions
+UNEXPLAINED = 2.0  # times the noise, above which a residual is not called noise, as in a verdict
 WIDE_RANGE = 0.1  # of shares, above which the range is given
 SLOW: tuple[ComponentKind, ...] = ("zero-wander", "force-of-time", "own-force-drift")
 MAX_ALTERNATIVES = 2  # kinds that can take the place of a part, that its clause names
@@ -64,12 +65,12 @@ def diagnosis_sentences(diagnosis: Diagnosis) -> list[str]:
     named = {name for finding in diagnosis.findings if finding.word == "named" for name in finding.effects[:1]}
     others = [effect for effect in diagnosis.added if effect.name not in named]
     sentences = [
-        parts_sentence(components),
+        parts_sentence(components, noise=diagnosis.noise_floor),
         *(finding_sentence(finding, diagnosis) for finding in diagnosis.findings),
         f"Added as well: {' and '.join(_effect_text(effect, diagnosis) for effect in others)}." if others else "",
         _nuisance_sentence(diagnosis.nuisances),
         _error_sentence(diagnosis),
-        parts_sentence(diagnosis.remaining, "residual that remains") if diagnosis.added else "",
+        parts_sentence(diagnosis.remaining, "residual that remains", diagnosis.noise_floor) if diagnosis.added else "",
         _suggested_sentence(diagnosis),
     ]
     return list(filter(None, sentences))
@@ -103,13 +104,16 @@ def diagnosis_text(diagnosis: Diagnosis) -> str:
 # --------------------------------------------------------------------------- parts of the residual
 
 
-def parts_sentence(components: Components | None, subject: str = "residual") -> str:
+def parts_sentence(components: Components | None, subject: str = "residual", noise: float = math.inf) -> str:
     """What share of a residual depends on what, and what is noise; empty without ``components``.
 
-    ``subject`` is the residual in words.
+    ``subject`` is the residual in words, ``noise`` the root mean square of the measurement's noise, in its unit.
     """
     if components is None:
         return ""
+    if not components.parts and components.residual_rms > UNEXPLAINED * noise:
+        times = times_text(components.residual_rms / noise)
+        return f"The {subject} is {times} the noise, and no part of it has a form that these data show."
     if not components.parts:
         return f"The {subject} is noise: nothing is missing that these data could show."
     shown = [part for part in components.parts if part.share >= MIN_SHARE] or list(components.parts[:1])

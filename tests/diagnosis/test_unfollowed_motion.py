@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from iris_sysid import MODELS, Trajectory, diagnose, simulate, with_effects
 from iris_sysid.diagnosis import diagnose as module
@@ -41,3 +42,18 @@ def test_share_explained_is_of_the_variance_of_the_motion():
     fitted = SimpleNamespace(predicted=motion - 0.1, residual=np.full_like(motion, 0.1), used=np.ones(4, bool))
     world = SimpleNamespace(shares=SimpleNamespace(heldout=lambda model: (0.5, 5.0)))
     assert module._explained(world, SimpleNamespace(fits=[fitted])) == pytest.approx(0.75)
+
+
+@pytest.mark.slow
+def test_a_spring_with_a_stop_on_one_side_is_followed_about_its_rest_position():
+    """A model that rests at zero explains 4 % of this motion, whose mean is 7 cm beside it."""
+    t_s = np.arange(240) / 60
+    slopes = lambda t, s: [s[1], -60.0 * s[0] - 0.1 * s[1] - 600.0 * np.maximum(s[0], 0.0)]  # noqa: E731
+    x = solve_ivp(slopes, (0.0, 4.0), [0.08, 0.0], "DOP853", t_s, rtol=1e-10, atol=1e-12, max_step=1e-3).y[0]
+    x = x[:, None] + 3e-4 * np.random.default_rng(2).standard_normal((240, 1))
+    everywhere = np.ones(240, bool)
+    clip = Trajectory(t_s, MODELS["linear-oscillator"].observed, x, np.full_like(x, np.nan), everywhere)
+    found = diagnose(clip, "linear-oscillator")
+    assert found.base.explained > 0.9
+    assert "slack-tether" in [effect.name for effect in found.added]
+    assert found.sizes["slack_tether"].value == pytest.approx(600 / 660, abs=0.03)

@@ -63,8 +63,16 @@ def test_sentence_of_the_parts_sums_up_parts_that_are_too_small_to_name():
     assert "clock" not in text
 
 
+def test_residual_far_above_the_noise_is_not_called_noise_where_no_part_is_found():
+    whole = components(noise_share=1.0)
+    said = parts_sentence(whole, noise=whole.residual_rms / 270)
+    assert said == "The residual is 270 times the noise, and no part of it has a form that these data show."
+
+
 def test_sentence_of_the_parts_of_noise_says_that_nothing_is_missing():
-    assert parts_sentence(components(noise_share=1.0)) == NOTHING
+    whole = components(noise_share=1.0)
+    assert parts_sentence(whole) == NOTHING
+    assert parts_sentence(whole, noise=whole.residual_rms) == NOTHING
     assert parts_sentence(None) == ""
 
 
@@ -242,7 +250,8 @@ def test_headline_is_the_surest_finding(split, word, first):
 
 
 def test_page_of_noise_has_a_table_and_no_picture(split):
-    noise = replace(split, components=components(noise_share=1.0), remaining=None, findings=(), added=())
+    whole = components(noise_share=1.0)
+    noise = replace(split, components=whole, remaining=None, findings=(), added=(), noise_floor=whole.residual_rms)
     page = diagnosis_page(noise, [dragged()])
     assert page.headline == NOTHING
     assert page.sections[0].title == "Parts of the residual"
