@@ -12,6 +12,7 @@ Vertices are in pixels with the origin at the centre of pixel (0, 0), as everywh
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,41 +66,22 @@ class Canvas:
 NO_SHADING: Array = np.zeros(6)
 
 
-def blend(plane: Plane, canvas: Canvas, tone: float, opacity: float, shading: Array) -> None:
-    """Lay a tone over a plane through the coverage in the canvas, and empty the canvas.
-
-    Parameters
-    ----------
-    plane
-        (height, width) float32 grey levels, changed in place.
-    canvas
-        Holds the coverage; is zero afterwards.
-    tone, opacity
-        Grey level of the shape, and how much of the picture behind it is hidden (0 to 1).
-    shading
-        (6,): centre x, y (px), 1/radius (1/px), gradient along x, along y, darkening towards the limb.
-    """
-    top, bottom = canvas.rows
-    _blend_rows(plane, canvas.area, canvas.first, canvas.last, top, bottom, tone, opacity, shading)
-    canvas.taken()
-
-
-def blend_pair(planes: tuple[Plane, Plane], canvas: Canvas, tones: tuple[float, float], opacity: float) -> None:
-    """Lay two tones over two planes of the same size (the two colour-difference planes); see :func:`blend`.
+def blend(planes: Sequence[Plane], canvas: Canvas, tones: Sequence[float], shading: Array = NO_SHADING) -> None:
+    """Lay tones over planes of one size through the coverage in the canvas, and empty the canvas.
 
     Parameters
     ----------
     planes
-        Two (height, width) float32 planes, changed in place.
+        (height, width) float32 grey levels each, changed in place.
     canvas
         Holds the coverage; is zero afterwards.
     tones
         Level of the shape in each plane.
-    opacity
-        How much of the picture behind is hidden (0 to 1).
+    shading
+        (6,): centre x, y (px), 1/radius (1/px), gradient along x, along y, darkening towards the limb.
     """
-    top, bottom = canvas.rows
-    _blend_pair_rows(*planes, canvas.area, canvas.first, canvas.last, top, bottom, *tones, opacity)
+    for left, plane, tone in zip(reversed(range(len(planes))), planes, tones, strict=True):
+        _blend_rows(plane, canvas.area, canvas.first, canvas.last, *canvas.rows, tone, shading, left == 0)
     canvas.taken()
 
 
@@ -216,51 +198,26 @@ def _blend_rows(
     top: int,
     bottom: int,
     tone: float,
-    opacity: float,
     shading: Array,
+    empty: bool,
 ) -> None:
+    """Lay the tone over the rows from ``top`` up to ``bottom``; ``empty`` makes the buffer zero again."""
     width = plane.shape[1]
     centre_x, centre_y, inverse, along_x, along_y, limb = shading
     for row in range(top, bottom):
         inside = 0.0
         for column in range(first[row], last[row] + 1):
             inside += area[row, column]
-            area[row, column] = 0.0
+            if empty:
+                area[row, column] = 0.0
             if column >= width:
                 continue
-            alpha = min(abs(inside), 1.0) * opacity
+            alpha = min(abs(inside), 1.0)
             if alpha > 0.0:
                 u = (column - centre_x) * inverse
                 v = (row - centre_y) * inverse
                 light = 1.0 + along_x * u + along_y * v - limb * (u * u + v * v)
                 plane[row, column] += alpha * (tone * light - plane[row, column])
-        first[row] = width + 2
-        last[row] = -1
-
-
-@kernel(nogil=True)
-def _blend_pair_rows(
-    plane_a: Plane,
-    plane_b: Plane,
-    area: Array,
-    first: Rows,
-    last: Rows,
-    top: int,
-    bottom: int,
-    tone_a: float,
-    tone_b: float,
-    opacity: float,
-) -> None:
-    width = plane_a.shape[1]
-    for row in range(top, bottom):
-        inside = 0.0
-        for column in range(first[row], last[row] + 1):
-            inside += area[row, column]
-            area[row, column] = 0.0
-            if column >= width:
-                continue
-            alpha = min(abs(inside), 1.0) * opacity
-            plane_a[row, column] += alpha * (tone_a - plane_a[row, column])
-            plane_b[row, column] += alpha * (tone_b - plane_b[row, column])
-        first[row] = width + 2
-        last[row] = -1
+        if empty:
+            first[row] = width + 2
+            last[row] = -1

@@ -8,7 +8,7 @@ import numpy as np
 
 from iris_sysid.synthetic.backdrop import Planes, light_field, lit, shifted, wall, ycbcr
 from iris_sysid.synthetic.camera import Camera
-from iris_sysid.synthetic.coverage import NO_SHADING, Canvas, blend, blend_pair
+from iris_sysid.synthetic.coverage import NO_SHADING, Canvas, blend
 from iris_sysid.synthetic.glow import Glow
 from iris_sysid.synthetic.look import Look
 from iris_sysid.synthetic.scene import Curve, Stage
@@ -104,10 +104,10 @@ class Picture:
         self.changed.append((left, top, right, bottom))
         luma, blue, red = ycbcr(layer.colour)
         brightness = self._light_at(polygons) if lit_up else 1.0
-        blend(planes.luma, self.full, luma * brightness, 1.0, self._shading(layer, t_s))
+        blend((planes.luma,), self.full, (luma * brightness,), self._shading(layer, t_s))
         self.half.add(np.ascontiguousarray((polygons + 0.5) / 2 - 0.5), weights)
         tones = (128 + (blue - 128) * brightness, 128 + (red - 128) * brightness)
-        blend_pair((planes.blue, planes.red), self.half, tones, 1.0)
+        blend((planes.blue, planes.red), self.half, tones)
 
     def _light_at(self, polygons: Array) -> float:
         x, y = np.mean(polygons, axis=(0, 1))

@@ -6,7 +6,9 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from iris_sysid.synthetic.scene import Setup
 from iris_sysid.synthetic.shapes import SPLINE_STEPS, Colour, Layer, Outline, Path, box, rigid, rounded, soft, static
 from iris_sysid.types import Array
 
@@ -33,24 +35,24 @@ _THUMB_BEFORE = [(-2.8, -0.4), (-1.5, -0.6), (-0.6, -0.85), (-0.3, -1.1), (-0.8,
 
 
 def hand(
-    held: tuple[float, float],
+    setup: Setup,
+    held: ArrayLike,
     radius_m: float,
     towards: float,
-    release_s: float,
     skin: tuple[Colour, Colour] = SKIN,
 ) -> tuple[list[Layer], list[Layer]]:
-    """A hand that holds a ball until the release and then draws back, out of the image.
+    """A hand that holds a ball until the release and then draws back, out of the image, where the look has one.
 
     Parameters
     ----------
+    setup
+        Says when it lets go.
     held
         Centre (x, z) of the ball while it is held, m.
     radius_m
         The ball's radius.
     towards
         Direction in which the hand reaches, rad anticlockwise from x.
-    release_s
-        When it lets go.
     skin
         Colours in the light and in the shade.
 
@@ -59,6 +61,9 @@ def hand(
     behind, before : list of Layer
         What to paint behind and before the ball.
     """
+    if not setup.look.hand:
+        return [], []
+    release_s = setup["release_time"]
     back = np.array([-math.cos(towards), -math.sin(towards)])
 
     def path(t_s: Array) -> Array:

@@ -71,14 +71,6 @@ def test_help_names_every_command_and_how_to_debug(cli):
     assert "--debug" in out
 
 
-@pytest.mark.parametrize("arguments", [["--help"], ["run", "--help"], ["diagnose", "--help"]])
-def test_help_imports_nothing_heavy(arguments):
-    code = "import sys, atexit; atexit.register(lambda: print('numpy' in sys.modules)); "
-    code += "from iris_sysid.cli import main; main()"
-    done = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=True)
-    assert done.stdout.splitlines()[-1] == "False"
-
-
 # --------------------------------------------------------------------------- list and schema
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from iris_sysid import TRACKERS, Estimate, IrisError, plot, run, save, scale, track
+from iris_sysid import TRACKERS, Estimate, plot, run, save, scale, track
 from iris_sysid.errors import CalibrationError, DataError, OutputError, UnknownNameError
 from iris_sysid.io.files import sha256_of
 from iris_sysid.pipeline import one_clip
@@ -92,31 +92,12 @@ def test_stated_length_and_free_gravity_need_no_scale(pendulum_clip):
     assert result.fit.estimates["gravity"].value == pytest.approx(9.80665, rel=0.01)
 
 
-def test_save_writes_all_files_of_the_folder(result, tmp_path):
-    page = save(result, tmp_path / "out")
-    assert page == tmp_path / "out" / "report.html"
-    side_cars = {"track.csv.origin.json", "trajectory.csv.origin.json"}
-    assert set(listing(tmp_path / "out")) == {*one_clip.FILES, *side_cars}
-
-
-def test_save_twice_writes_the_same_bytes(result, tmp_path):
-    save(result, tmp_path / "one")
-    save(result, tmp_path / "two")
-    assert listing(tmp_path / "one") == listing(tmp_path / "two")
-
-
 @pytest.mark.parametrize("name", one_clip.FILES)
 def test_save_refuses_before_it_writes_when_one_file_is_there(result, tmp_path, name):
     (tmp_path / name).write_text("mine")
     with pytest.raises(OutputError, match=f"{name} exists already"):
         save(result, tmp_path)
     assert listing(tmp_path) == {name: b"mine"}
-
-
-def test_save_with_overwrite_replaces(result, tmp_path):
-    (tmp_path / "fit.json").write_text("mine")
-    save(result, tmp_path, overwrite=True)
-    assert (tmp_path / "fit.json").read_text() != "mine"
 
 
 @pytest.mark.parametrize("name", PHENOMENA)
@@ -172,20 +153,6 @@ def test_run_refuses_what_it_does_not_know_before_any_frame_is_read(
     monkeypatch.setattr(one_clip, "open_video", lambda *_, **__: pytest.fail("the video was opened"))
     with pytest.raises(error, match=message):
         run(tmp_path / "no.mp4", phenomenon, **options)
-
-
-@pytest.mark.parametrize(
-    ("clip", "message"),
-    [
-        ("still_clip", "nothing moves in the clip beyond the noise"),
-        ("one_frame_clip", r"the clip has 1 frame\(s\)"),
-        ("text_clip", "cannot be read as a video: it is a text file"),
-        ("cut_clip", "cut.mp4"),
-    ],
-)
-def test_run_on_a_clip_without_a_pendulum_is_refused(clip, message, request):
-    with pytest.raises(IrisError, match=message):
-        run(request.getfixturevalue(clip), "pendulum")
 
 
 def test_observe_with_too_few_tracks_is_refused(result):

@@ -1,4 +1,4 @@
-"""The guides for models, plug-ins and records run as printed, block by block, in a folder with the files they name."""
+"""The guide for plug-ins runs as printed, block by block, in a folder with the files that it names."""
 
 import re
 import shlex
@@ -7,7 +7,6 @@ import shutil
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.io import savemat
 
 from iris_sysid import render_clip
 from tests._drawn import noisy
@@ -21,32 +20,15 @@ STEP_S = 0.02
 SCATTER = 1e-3  # of what is measured: rad and m
 
 
-def motor(seed):
-    """Times (n,) s, voltages held between them (n,) V, speeds (n,) rad of w' = -2 w + 3 u with noise."""
-    random = np.random.default_rng(seed)
-    voltage, speed = np.repeat(random.choice([-1.0, 0.0, 1.0, 2.0], 30), 20), [0.0]
-    kept = np.exp(-2 * STEP_S)
-    for each in voltage[:-1]:
-        speed.append(kept * speed[-1] + 1.5 * (1 - kept) * each)
-    return STEP_S * np.arange(voltage.size), voltage, speed + 0.01 * random.standard_normal(voltage.size)
-
-
 @pytest.fixture(scope="module")
 def named(tmp_path_factory):
-    """The folder of the files that the guides name."""
+    """The folder of the files that the guide names."""
     folder, random = tmp_path_factory.mktemp("named"), np.random.default_rng(1)
     t_s = np.arange(0.0, 6.0, STEP_S)
-    for name, theta_0 in {"swing": 0.4, "swing2": 0.3}.items():
-        theta = pendulum_angle(t_s, theta_0, 0.4, 0.12) + SCATTER * random.standard_normal(t_s.size)
-        pd.DataFrame({"t_s": t_s, "theta_rad": theta}).to_csv(folder / f"{name}.csv", index=False)
+    theta = pendulum_angle(t_s, 0.4, 0.4, 0.12) + SCATTER * random.standard_normal(t_s.size)
+    pd.DataFrame({"t_s": t_s, "theta_rad": theta}).to_csv(folder / "swing.csv", index=False)
     s = 0.1 + 1.5 / 0.8 * (1 - np.exp(-0.8 * t_s)) + SCATTER * random.standard_normal(t_s.size)
     pd.DataFrame({"t_s": t_s, "s_m": s}).to_csv(folder / "cart.csv", index=False)
-    for seed, name in enumerate(("motor", "motor2")):
-        pd.DataFrame(dict(zip(("t_s", "u_V", "w_rad"), motor(seed), strict=True))).to_csv(
-            folder / f"{name}.csv", index=False
-        )
-    _, voltage, speed = motor(5)
-    savemat(folder / "rig.mat", {"voltage": voltage, "speed": speed, "Ts": STEP_S})
     render_clip("pendulum", folder / "clip.mp4", size=(320, 180), fps=60.0, duration_s=3.0, seed=3)
     across = 10 + 100 * (1 - np.exp(-0.8 * np.arange(60) / 30))
     write_video(folder / "rail.mp4", noisy([discs((x, 48.0)) for x in across], 3.0))
@@ -54,9 +36,8 @@ def named(tmp_path_factory):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("page", ["own_model", "plugins", "records"])
-def test_every_block_runs_as_printed(page, named, cli, tmp_path, monkeypatch):
-    text = (ROOT / "docs" / "guide" / f"{page}.md").read_text("utf-8")
+def test_every_block_runs_as_printed(named, cli, tmp_path, monkeypatch):
+    text = (ROOT / "docs" / "guide" / "plugins.md").read_text("utf-8")
     own, ran = {}, 0
     for number, (language, block) in enumerate(BLOCK.findall(text)):
         if language not in ("", "python"):  # what is printed, or part of a project
@@ -70,7 +51,7 @@ def test_every_block_runs_as_printed(page, named, cli, tmp_path, monkeypatch):
         for name, content in own.items():
             (folder / name).write_text(content, "utf-8")
         if language:
-            exec(compile(block, f"{page}.md", "exec"), {"__name__": "__main__", "__file__": str(folder / "block.py")})
+            exec(compile(block, "plugins.md", "exec"), {"__name__": "__main__", "__file__": str(folder / "block.py")})
         for line in [] if language else block.splitlines():
             program, *arguments = shlex.split(line)
             assert program == "iris-sysid"

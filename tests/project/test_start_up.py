@@ -10,14 +10,14 @@ from tests._project import ROOT
 HEAVY = {"numba", "scipy", "cv2", "av", "pandas", "lmfit", "matplotlib", "jinja2", "rich", "pysindy", "sklearn"}
 
 
-def loaded(*arguments: str) -> set[str]:
-    """The heavy packages that a command has imported when it ends, whether it succeeds or not."""
+def loaded(*arguments: str, among: set[str] = HEAVY) -> set[str]:
+    """The packages among the heavy ones that a command has imported when it ends, whether it succeeds or not."""
     code = (
         f"import sys; sys.argv = ['iris-sysid', *{arguments!r}]\n"
         "import contextlib, io, iris_sysid.cli\n"
         "with contextlib.redirect_stdout(io.StringIO()), contextlib.suppress(SystemExit):\n"
         "    iris_sysid.cli.main()\n"
-        f"print(*sorted(set({sorted(HEAVY)!r}) & set(sys.modules)))"
+        f"print(*sorted(set({sorted(among)!r}) & set(sys.modules)))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
     return set(done.stdout.split())
@@ -26,7 +26,6 @@ def loaded(*arguments: str) -> set[str]:
 @pytest.mark.parametrize(
     "arguments",
     [
-        ("--help",),
         ("list",),
         ("schema", "fit"),
         ("fit", "none.csv", "--model", "pendulum", "-o", "none.json"),
@@ -41,6 +40,12 @@ def loaded(*arguments: str) -> set[str]:
 )
 def test_command_that_computes_nothing_loads_nothing_heavy(arguments):
     assert loaded(*arguments) == set()
+
+
+@pytest.mark.parametrize("command", ["", "run", "diagnose"])
+def test_help_loads_no_arrays_either(command):
+    light = {"rich", "pydantic"} if command else set()
+    assert loaded(*command.split(), "--help", among=HEAVY | {"numpy", "pydantic"}) <= light
 
 
 def test_clip_that_cannot_be_read_is_reported_before_trackers_and_fitters_are_loaded():

@@ -9,7 +9,7 @@ from iris_sysid.errors import DataError
 from iris_sysid.synthetic import Look
 from iris_sysid.synthetic.backdrop import ycbcr
 from iris_sysid.synthetic.camera import Camera, CameraView, camera_for
-from iris_sysid.synthetic.coverage import NO_SHADING, Canvas, blend
+from iris_sysid.synthetic.coverage import Canvas, blend
 from iris_sysid.synthetic.plan import plan_clip, scene_named, stage_of
 from iris_sysid.synthetic.scene import SceneBody, Stage, Wall
 from iris_sysid.synthetic.sensor import Sensor, kept_frames, shake
@@ -53,7 +53,7 @@ def coverage(polygon_px, width, height):
     """The fraction of each pixel of a grid that lies inside a polygon, as a canvas draws it."""
     canvas, out = Canvas(width, height), np.zeros((height, width), np.float32)
     canvas.add(polygon_px[np.newaxis], np.ones(1))
-    blend(out, canvas, 1.0, 1.0, NO_SHADING)
+    blend([out], canvas, [1.0])
     return out.astype(np.float64)
 
 
@@ -83,7 +83,7 @@ def test_coverage_of_a_rectangle_is_exact():
 def test_canvas_is_empty_after_blending():
     canvas = Canvas(30, 30)
     canvas.add(circle(8, 1)[None] + 15.0, np.ones(1))
-    blend(np.zeros((30, 30), np.float32), canvas, 1.0, 1.0, np.zeros(6))
+    blend([np.zeros((30, 30), np.float32)], canvas, [1.0])
     assert np.abs(canvas.area).max() == 0
     assert canvas.rows == (0, 0)
 

@@ -1,4 +1,4 @@
-"""Write the audit: `audit.csv`, `audit.md`, `audit.html` and `audit.tex` in one folder."""
+"""Write the audit: `audit.csv` and `audit.md` in one folder."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-import jinja2
 import pandas as pd
 
 from iris_sysid.benchmark.sources.latent import latent_rows
@@ -23,7 +22,7 @@ from validation.audit.folder import RUNS, PublishedFolder
 from validation.audit.reproduce import DIFFERS, KINDS, NOT_DERIVABLE, REPRODUCED, audit, verdicts
 from validation.audit.selection import SelectionScore, rescored_selection
 
-NAMES = ("audit.csv", "audit.md", "audit.html", "audit.tex")
+NAMES = ("audit.csv", "audit.md")
 TITLE = "Audit of the published benchmark numbers"
 READING = (
     "'As stated' means the file and the formula that the publication names; the test split that it states was used for "
@@ -34,7 +33,7 @@ READING = (
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Report:
-    """Everything that the four files show, computed once."""
+    """Everything that the two files show, computed once."""
 
     rows: pd.DataFrame
     numbers: pd.DataFrame
@@ -48,9 +47,8 @@ class _Report:
 def write_audit(published_folder: str | Path, output_folder: str | Path, *, overwrite: bool = False) -> dict[str, Path]:
     """Derive the published numbers again and write the results.
 
-    ``audit.csv`` holds every derivation of every number, ``audit.md``, ``audit.html`` and ``audit.tex`` the findings,
-    the counts, the numbers that are not reproduced, the re-scored parameters and the re-scored selection. The same
-    files give the same bytes.
+    ``audit.csv`` holds every derivation of every number, ``audit.md`` the findings, the counts, the numbers that are
+    not reproduced, the re-scored parameters and the re-scored selection. The same files give the same bytes.
 
     Parameters
     ----------
@@ -78,7 +76,7 @@ def write_audit(published_folder: str | Path, output_folder: str | Path, *, over
     for path in paths.values():
         check_writable(path, overwrite=overwrite)
     report = _compute(PublishedFolder(published_folder))
-    texts = (_csv(report.rows), _markdown(report), _html(report), _latex(report))
+    texts = (_csv(report.rows), _markdown(report))
     for path, text in zip(paths.values(), texts, strict=True):
         write_atomic(path, text, overwrite=overwrite)
     return paths
@@ -135,7 +133,7 @@ def _csv(rows: pd.DataFrame) -> str:
     return rows.to_csv(index=False, lineterminator="\n")
 
 
-# --------------------------------------------------------------------------- tables that the pages share
+# --------------------------------------------------------------------------- tables
 
 
 def counts(numbers: pd.DataFrame) -> pd.DataFrame:
@@ -233,7 +231,7 @@ def _sources(finding: Finding) -> str:
     return "Files: " + ", ".join(finding.sources) if finding.sources else "Files: all"
 
 
-# --------------------------------------------------------------------------- pages
+# --------------------------------------------------------------------------- page
 
 
 def _markdown(report: _Report) -> str:
@@ -254,45 +252,3 @@ def _markdown(report: _Report) -> str:
     parts += [render(table, "markdown") for table in _confusion_tables(report.selection)]
     parts += ["## Gaps\n", "\n".join(f"- {markdown_text(gap)}" for gap in report.gaps) or "none", ""]
     return "\n".join([*parts, render(report.files, "markdown")])
-
-
-def _latex(report: _Report) -> str:
-    table = pd.DataFrame(
-        [{"point": finding.point, "finding": finding.title, "verdict": finding.verdict} for finding in report.findings]
-    )
-    tables = [
-        frame_table(table, f"{TITLE}. {_summary(report)}"),
-        frame_table(counts(report.numbers), "How each table is reproduced"),
-        report.parameters,
-        _selection_table(report.selection),
-        *_confusion_tables(report.selection),
-    ]
-    head = "% needs \\usepackage{booktabs,longtable}\n"
-    return head + "\n".join(render(table, "latex") for table in tables)
-
-
-def _html(report: _Report) -> str:
-    places = [(place, group) for place, group in report.numbers.groupby("place", sort=False)]
-    page = jinja2.Environment(loader=jinja2.PackageLoader("validation.audit", "templates"), autoescape=True)
-    shown = [
-        {"found": finding, "table": _fragment(frame_table(finding.evidence, "")) if len(finding.evidence) else ""}
-        | {"sources": _sources(finding)}
-        for finding in report.findings
-    ]
-    return page.get_template("audit.html").render(
-        title=TITLE,
-        summary=_summary(report),
-        reading=READING,
-        findings=shown,
-        counts=_fragment(frame_table(counts(report.numbers), "How each table is reproduced")),
-        numbers=[(str(place), _fragment(_number_table(group, ""))) for place, group in places],
-        parameters=_fragment(report.parameters),
-        selection=_fragment(_selection_table(report.selection)),
-        confusions=[_fragment(table) for table in _confusion_tables(report.selection)],
-        gaps=report.gaps,
-        files=_fragment(report.files),
-    )
-
-
-def _fragment(table: Table) -> str:
-    return render(table, "html")

@@ -66,10 +66,8 @@ def holding_hand(
     centre: Path, pivot: tuple[float, float], radius_m: float, setup: Setup
 ) -> tuple[list[Layer], list[Layer]]:
     """A hand that holds a hanging ball from behind, and lets go at the release: layers behind and before the ball."""
-    if not setup.look.hand:
-        return [], []
     x, z = centre(np.array([-1.0]))[0]
-    return hand((x, z), radius_m, math.atan2(pivot[1] - z, pivot[0] - x), setup["release_time"], SKIN_DIM)
+    return hand(setup, (x, z), radius_m, math.atan2(pivot[1] - z, pivot[0] - x), SKIN_DIM)
 
 
 def constant(value: float) -> Callable[[Array], Array]:

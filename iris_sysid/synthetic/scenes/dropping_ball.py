@@ -76,10 +76,7 @@ def _props(setup: Setup, view: CameraView) -> tuple[Layer, ...]:
 
 def _layers(setup: Setup, centre: Path) -> tuple[Layer, ...]:
     radius = setup["ball_radius"]
-    behind, before = list[Layer](), list[Layer]()
-    if setup.look.hand:
-        x, z = centre(np.array([-1.0]))[0]
-        behind, before = hand((x, z), radius, math.pi, setup["release_time"])
+    behind, before = hand(setup, centre(np.array([-1.0]))[0], radius, math.pi)
     still: Curve = constant(0.3)
     markings = seams(centre, radius, still, SEAM) if setup.look.shading else []
     return (*behind, *ball(centre, radius, BALL, setup), *markings, *before)

@@ -84,9 +84,7 @@ def _layers(setup: Setup, centre: Path, apparent: Curve, shrunk: Curve) -> tuple
     if setup.look.shadow:
         dark = soft(disc(centre, lambda t_s: 1.25 * apparent(t_s)), centre, 0.2)
         layers.append(Layer(dark, (0.0, 0.0, 0.0), setup.look.shadow, blur_step_px=8.0))
-    behind, before = list[Layer](), list[Layer]()
-    if setup.look.hand:
-        behind, before = hand(ASIDE, setup["ball_radius"], math.pi, setup["release_time"])
+    behind, before = hand(setup, ASIDE, setup["ball_radius"], math.pi)
     shading = Shading(centre, setup["ball_radius"], along=(-0.05, 0.08), limb=0.25, size=shrunk)
     return (*layers, *behind, Layer(ball, BALL, shading=shading), *before)
 

@@ -20,7 +20,7 @@ from iris_sysid.synthetic.scene import Curve, Scene, SceneBody, Setup, Stage, Wa
 from iris_sysid.synthetic.scenes._collisions import STEP_S, Material, pile_of, run
 from iris_sysid.synthetic.scenes._cup import cup
 from iris_sysid.synthetic.scenes._hanging import ball
-from iris_sysid.synthetic.shapes import Colour, Layer, Path
+from iris_sysid.synthetic.shapes import Colour, Path
 from iris_sysid.types import Array, Parameter
 
 BALL: Colour = (40.0, 60.0, 150.0)
@@ -54,9 +54,7 @@ def stage(setup: Setup) -> Stage:
     layers = ball(paths[0], radius, BALL, setup)
     for path, angle in zip(paths[1:], angles[1:], strict=True):
         layers += cup(path, angle, 1.95 * cup_radius, shaded=setup.look.shading)
-    behind, before = list[Layer](), list[Layer]()
-    if setup.look.hand:
-        behind, before = hand((start[0, 0], start[0, 1]), 0.75 * radius, 0.35, release)
+    behind, before = hand(setup, start[0], 0.75 * radius, 0.35)
     return Stage(
         view=view,
         wall=Wall(BEIGE),

@@ -45,10 +45,8 @@ def stage(setup: Setup) -> Stage:
     layers += ball(centre, radius, RED, setup)
     if setup.look.shading:
         layers.append(Layer(disc(centre, 0.58 * radius), DARK_RED, 0.8))
-    behind, before = list[Layer](), list[Layer]()
-    if setup.look.hand:
-        x, z = centre(np.array([-1.0]))[0]
-        behind, before = hand((x, z), radius, math.atan2(-z, -x), setup["release_time"])
+    x, z = centre(np.array([-1.0]))[0]
+    behind, before = hand(setup, (x, z), radius, math.atan2(-z, -x))
     return Stage(
         view=CameraView(-reach, reach, -reach, reach),
         wall=Wall(TABLE),

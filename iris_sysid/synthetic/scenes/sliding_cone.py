@@ -57,10 +57,8 @@ def stage(setup: Setup) -> Stage:
     far = max(length, 0.84)  # one camera position for all of the benchmark's boards
     view = CameraView(-0.62, 0.72 * far + 0.32, -0.1, far + 0.2)
     observed = {"s_m": motion.state(0), "speed_m_s": motion.state(1), "angle_rad": turned}
-    behind, before = list[Layer](), list[Layer]()
-    if setup.look.hand:
-        x, z = centre(np.array([-1.0]))[0]
-        behind, before = hand((x, z + 0.1 * height), 0.42 * height, math.pi + 0.9, setup["release_time"])
+    x, z = centre(np.array([-1.0]))[0]
+    behind, before = hand(setup, (x, z + 0.1 * height), 0.42 * height, math.pi + 0.9)
     cup_layers = cup(centre, turned, height, shaded=setup.look.shading)
     return Stage(
         view=view,
