@@ -77,7 +77,12 @@ def model_for(text: str, bounds: Sequence[str], known: Sequence[str], clip: Traj
     names = quantities_of_equation(text)
     units |= _alone(clip, names)
     observed = [name for name in names if name in units]
-    return model_from_equation(text, units=units, observed=observed, bounds=parsed_bounds(bounds))
+    model = model_from_equation(text, units=units, observed=observed, bounds=parsed_bounds(bounds))
+    others = [quantity for quantity in clip.quantities if quantity.name not in names]
+    if len(model.inputs) == 1 and model.inputs[0].name not in units and len(others) == 1:
+        units[model.inputs[0].name] = others[0].unit or "1"  # the only other column drives it, whatever its unit
+        model = model_from_equation(text, units=units, observed=observed, bounds=parsed_bounds(bounds))
+    return model
 
 
 def _alone(clip: Trajectory, names: Sequence[str]) -> dict[str, str]:

@@ -73,6 +73,7 @@ BRACKETED = re.compile(r"(?P<name>.*?)\s*[\(\[]\s*(?P<unit>[^()\[\]]*?)\s*[\)\]]
 RATE = r"(?:/s(?:\^?[23]|²)?)?"
 DIVIDED = re.compile(rf"(?P<name>.*?)(?:\s*/\s*|\s+in\s+)(?P<unit>[^\s/]+{RATE})\s*")
 ENDING = re.compile(rf"(?P<name>.*?)[_\s]+(?P<unit>(?![AVNKWL1]\b)[^\s/_]+{RATE})\s*")  # ball_A is not a current
+SPEED = re.compile(r"(?P<name>.*?)[_\s]+(?P<unit>[^\s/_]+/s(?:\^?[23]|²)?)\s*")  # v_m/s is not v_m in s
 NAMED = re.compile(  # but this is
     r"(?P<name>(?:.*[_\s])?(?:force|voltage|current|power|temperature))[_\s]+(?P<unit>[AVNKW])\s*", re.IGNORECASE
 )
@@ -212,7 +213,7 @@ def _taken_apart(title: str) -> tuple[str, tuple[str, float] | None]:
     if len(title) > MAX_TITLE:
         return title, None
     title = title.rpartition("/")[2] if "/" in title and _unit(title.rpartition("/")[2]) is None else title
-    for pattern in (OWN, NAMED, BRACKETED, DIVIDED, ENDING):
+    for pattern in (OWN, NAMED, BRACKETED, SPEED, DIVIDED, ENDING):
         match = pattern.fullmatch(title)
         unit = _unit(match["unit"]) if match and match["name"] else None
         if match and unit:
@@ -296,7 +297,7 @@ def columns_for(path: str | Path, quantities: Sequence[Quantity]) -> dict[str, s
 def _is_of(title: str, quantity: Quantity) -> bool:
     """Whether a column states a unit of the kind that a quantity has."""
     unit = _taken_apart(title)[1]
-    return unit is not None and SUFFIXES[unit[0]][0] == quantity.unit
+    return unit is not None and SUFFIXES[unit[0]][0] == quantity.unit and bool(quantity.unit)
 
 
 def example_of(titles: Sequence[str]) -> dict[str, str]:

@@ -28,7 +28,7 @@ def driven_by(trajectory: Trajectory, inputs: Sequence[Quantity], observed: Sequ
         renamed = (replace(trajectory.input_quantities[0], name=wanted.name, symbol=wanted.symbol),)
         return trajectory.with_(input_quantities=renamed), f"{wanted.name} = {known[0]}"
     others = [quantity for quantity in trajectory.quantities if quantity.name not in observed]
-    same = [quantity for quantity in others if quantity.unit == wanted.unit]
+    same = [quantity for quantity in others if (quantity.unit or "1") == (wanted.unit or "1")]
     if known or len(same) != 1 or len(trajectory.quantities) < 2:
         return trajectory, ""
     return _with_input(trajectory, trajectory.column(same[0].name), wanted), f"{wanted.name} = {same[0].name}"

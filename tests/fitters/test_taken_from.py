@@ -6,6 +6,7 @@ from typer.testing import CliRunner
 
 from iris_sysid import MODELS, Quantity, Trajectory, model_from_equation, read_trajectory
 from iris_sysid.cli import app
+from iris_sysid.cli._own_equation import model_for
 
 N = 40
 
@@ -79,6 +80,20 @@ def test_units_of_one_letter_after_what_they_measure_are_read(tmp_path, header, 
     names = [each.name for each in read_trajectory(tmp_path / "push.csv").quantities]
     assert name in names
     assert "ball" not in names
+
+
+def test_speeds_of_other_programs_are_not_taken_for_times(tmp_path):
+    (tmp_path / "car.csv").write_text("Time (s),speed_m/s,z [m]\n0,3,1\n1,3,2\n")
+    read = read_trajectory(tmp_path / "car.csv", {"t": "Time (s)", "v": "speed_m/s", "z": "z [m]"})
+    assert [(each.name, each.unit) for each in read.quantities] == [("v", "m/s"), ("z", "m")]
+
+
+def test_the_only_other_column_drives_an_equation_in_text():
+    clip = record(Quantity("v", "m/s"), Quantity("throttle", ""))
+    model = model_for("v' = (k*u - b*v)/m", (), ("m=1000",), clip)
+    assert model.taken_from(clip)[1] == "u = throttle for the model own-equation"
+    torque = record(Quantity("v", "m/s"), Quantity("torque", "N m"))
+    assert model_for("v' = (k*u - b*v)/m", (), (), torque).inputs[0].unit == "N m"
 
 
 def test_models_of_speeds_are_told_from_levels():
