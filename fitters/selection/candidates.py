@@ -9,8 +9,8 @@ import numpy as np
 
 from fitters.compose_effects import with_effect
 from fitters.integrator.event_times import event_times
-from fitters.models._gravity import STANDARD_GRAVITY
 from fitters.ode import FitOptions, FitRequest, simulate, solve
+from fitters.ode.unseen_drag import STANDARD_GRAVITY
 from fitters.selection.observables import (
     TILTED,
     UPRIGHT,

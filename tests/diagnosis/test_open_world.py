@@ -151,7 +151,28 @@ def test_what_fits_in_short_windows_alone_leaves_what_was_found_before_it(most, 
     world._cache = SimpleNamespace(base=None, weak=weak, with_added=lambda base, candidate: candidate)
     world.shares = SimpleNamespace(allows=lambda model: len(model.effects) <= most, testable=True)
     world._is_followed, world._of_weak = lambda found, model: True, lambda found, model: found
+    world._is_misread = lambda model: False
     assert world.in_weak_form() is sets[chosen]
+
+
+@pytest.mark.parametrize(("left", "misread"), [(1.0, True), (3.0, False)])  # sums of squares; 2 with what windows show
+def test_reading_error_that_explains_more_than_short_windows_show_sends_the_search_on(left, misread):
+    reading, imitating = EFFECTS["sensor-lag"], EFFECTS["zero-wander"]
+    by_name = {each.name: each for each in (imitating, reading, EFFECTS["coulomb-friction"])}
+    screening = SimpleNamespace(names=list(by_name), single=lambda name: name)
+    added = []
+    world = OpenWorld.__new__(OpenWorld)
+    world._cache = SimpleNamespace(
+        base=None,
+        library=SimpleNamespace(by_name=by_name),
+        testable=lambda base: list(by_name),
+        screening=lambda base: screening,
+        with_added=lambda base, name: added.append(name) or SimpleNamespace(squares=left),
+    )
+    world.shares = SimpleNamespace(allows=lambda model: True)
+    assert world._is_misread(SimpleNamespace(explains=False, squares=2.0)) is misread
+    assert added == ["sensor-lag"]
+    assert world._is_misread(SimpleNamespace(explains=True, squares=2.0)) is False
 
 
 def _predicting(error: float, *names: str, values: int = 2, left: float | None = None) -> SimpleNamespace:

@@ -34,7 +34,7 @@ def test_effects_that_only_take_away_have_no_size_below_zero():
     frictions = ["coulomb-friction", "linear-drag", "quadratic-drag", "velocity-weakening-friction"]
     limits = ["input-backlash", "input-dead-zone", "input-delay", "input-saturation"]
     memories = ["hidden-mode", "hysteresis", "presliding"]
-    readings = ["rectified-reading", "sensor-saturation"]
+    readings = ["rectified-reading", "sensor-lag", "sensor-saturation"]
     assert sorted(ONE_SIDED) == sorted([*frictions, *limits, *memories, *readings, "leak", "overflow"])
 
 
