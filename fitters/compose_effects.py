@@ -186,7 +186,7 @@ def moved(model: OdeModel, effect: Effect, t_s: Array, observed: Array) -> Array
     if effect.acceleration is None or not model.of_speeds:
         return observed
     speeds = [k for k, quantity in enumerate(model.observed) if quantity.unit == model.states[0].unit]
-    return np.asarray(cumulative_trapezoid(observed[:, speeds], t_s, axis=0, initial=0.0))
+    return np.asarray(cumulative_trapezoid(observed[:, speeds], t_s, axis=0, initial=0))
 
 
 def _rhs(model: OdeModel, effect: Effect) -> Callable[..., tuple[float, ...]]:
