@@ -57,14 +57,11 @@ def held(
     start: Mapping[str, float] | None = None,
 ) -> list[Trajectory]:
     """The records with the hold of their inputs, which ``auto`` takes from the data and says on stderr."""
-    stated = HOLDS[hold]
-    if stated is not None:
-        return [clip.with_(hold=stated) for clip in clips]
-    from fitters.input_hold import holds_compared, jumps
+    known = _stated_or_visible(clips if model.inputs else (), hold)
+    if known is not None:
+        return [clip.with_(hold=known) for clip in clips]
+    from fitters.input_hold import holds_compared
 
-    if jumps(clips):
-        typer.echo(f"inputs between samples: {IN_WORDS['zero-order']} (they keep their values between jumps)", err=True)
-        return [clip.with_(hold="zero-order") for clip in clips]
     compared = holds_compared(clips, model, fixed=fixed, free=free, start=start)
     if not compared:
         return list(clips)
@@ -72,11 +69,19 @@ def held(
     return [clip.with_(hold=best) for clip in clips]
 
 
-def each_hold(clips: Sequence[Trajectory], hold: str) -> dict[Hold, list[Trajectory]]:
-    """The records with each hold of their inputs to try: the stated or visible one, or both where there are inputs."""
+def _stated_or_visible(clips: Sequence[Trajectory], hold: str) -> Hold | None:
+    """The stated hold, or the one that inputs show which jump, and that on stderr; None where neither tells it."""
     from fitters.input_hold import jumps
 
-    stated = HOLDS["zero" if hold == "auto" and jumps(clips) else hold]
+    if HOLDS[hold] is not None or not jumps(clips):
+        return HOLDS[hold]
+    typer.echo(f"inputs between samples: {IN_WORDS['zero-order']} (they keep their values between jumps)", err=True)
+    return "zero-order"
+
+
+def each_hold(clips: Sequence[Trajectory], hold: str) -> dict[Hold, list[Trajectory]]:
+    """The records with each hold of their inputs to try: the stated or visible one, or both where there are inputs."""
+    stated = _stated_or_visible(clips, hold)
     driven = any(clip.input_quantities for clip in clips)
     tried: Sequence[Hold] = [stated] if stated is not None else [*IN_WORDS] if driven else [clips[0].hold]
     return {each: [clip.with_(hold=each) for clip in clips] for each in tried}
