@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from numba import types
 from numba.extending import register_jitable
-from scipy.integrate import cumulative_trapezoid
 
 from fitters.image_effects import through
 from fitters.integrator.codegen import generated, row
@@ -138,12 +137,7 @@ def _own(function: Callable[..., Any], n_params: int, n_inputs: int) -> Callable
 def unit_in(model: OdeModel, effect: Effect, unit: str) -> str:
     """The unit of a parameter of an effect in a model, with its ``{x}`` written out: of a force, that of a place."""
     is_force_on_speed = model.of_speeds and effect.acceleration is not None
-    return unit.replace("{x}", place_unit(model) if is_force_on_speed else model.observed[0].unit)
-
-
-def place_unit(model: OdeModel) -> str:
-    """The unit of a place in a model of speeds."""
-    return model.states[0].unit.removesuffix("/s")
+    return unit.replace("{x}", model.states[0].unit.removesuffix("/s") if is_force_on_speed else model.observed[0].unit)
 
 
 @picklable
@@ -169,30 +163,11 @@ def pushed_bodies(model: OdeModel) -> list[list[int]]:
     return [body for body in bodies_of(model) if not model.of_speeds or model.states[body[0]].unit == unit]
 
 
-def moved(model: OdeModel, effect: Effect, t_s: Array, observed: Array) -> Array:
-    """What an effect with a force takes as the places (n, d) that it acts at: of speeds they are the integral.
-
-    Parameters
-    ----------
-    model
-        The governing equation.
-    effect
-        What it may lack.
-    t_s
-        (n,) s.
-    observed
-        (n, d) in the units of what the model observes.
-    """
-    if effect.acceleration is None or not model.of_speeds:
-        return observed
-    speeds = [k for k, quantity in enumerate(model.observed) if quantity.unit == model.states[0].unit]
-    return np.asarray(cumulative_trapezoid(observed[:, speeds], t_s, axis=0, initial=0))
-
-
 def _rhs(model: OdeModel, effect: Effect) -> Callable[..., tuple[float, ...]]:
     count = model.degrees_of_freedom
     shift = count if model.second_order else 0
-    velocity = [f"slopes[{k}]" if not shift and not model.of_speeds else f"state[{shift + k}]" for k in range(count)]
+    moving = "state" if model.has_velocity else "slopes"
+    velocity = [f"{moving}[{shift + k}]" for k in range(count)]
     lines = [f"slopes[{k}]" for k in range(shift + count)]
     for body in pushed_bodies(model):
         speed = f"root({' + '.join(f'{velocity[k]} * {velocity[k]}' for k in body)})"

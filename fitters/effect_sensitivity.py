@@ -437,7 +437,7 @@ def forces_along(effect: Effect, sizes: Array, model: OdeModel, t_s: Array, stat
     assert effect.acceleration is not None
     count = model.degrees_of_freedom
     slopes = base[:, model.forced_states]
-    velocity = states[:, model.forced_states] if model.second_order or model.of_speeds else slopes
+    velocity = model.velocities(states, base)
     if effect.memory is not None:
         return _forces_with_memory(effect, sizes, t_s, states[:, 0], velocity[:, 0], slopes[:, 0])
     unit = (1.0, *sizes.T[1:, :, None])

@@ -84,7 +84,7 @@ class Scale:
             np.stack(_span(np.concatenate(list(seen)), repeats)),
             _largest(np.concatenate(list(rates_seen))),
             repeats,
-            motions[0].model.second_order or motions[0].model.of_speeds,
+            motions[0].model.has_velocity,
         )
 
 
@@ -99,9 +99,7 @@ def _span(values: Array, repeats: bool) -> tuple[Array, Array]:
 
 
 def _velocity(motion: EffectMotion) -> Array:
-    has_velocity = motion.model.second_order or motion.model.of_speeds
-    moving = motion.states if has_velocity else motion.slopes
-    return moving[:, motion.model.forced_states]
+    return motion.model.velocities(motion.states, motion.slopes)
 
 
 def _turns(motion: EffectMotion) -> int:

@@ -16,7 +16,12 @@ def moves(model: OdeModel) -> bool:
 
 def has_speed(model: OdeModel) -> bool:
     """Whether something moves, and its velocity is a state: of a model of second order, or of one of speeds."""
-    return moves(model) or model.of_speeds
+    return model.has_velocity
+
+
+def has_one_speed(model: OdeModel) -> bool:
+    """The same with one degree of freedom: along a line, or about an axis."""
+    return model.has_velocity and model.degrees_of_freedom == 1
 
 
 def moves_on_a_line(model: OdeModel) -> bool:

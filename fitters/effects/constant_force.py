@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-from fitters.effects._domain import has_speed
-from iris_sysid.types import Effect, EffectExample, OdeModel, Parameter
-
-
-def applies(model: OdeModel) -> bool:
-    """Whether one body moves along a line or about an axis."""
-    return has_speed(model) and model.degrees_of_freedom == 1
+from fitters.effects._domain import has_one_speed
+from iris_sysid.types import Effect, EffectExample, Parameter
 
 
 def acceleration(t: float, position: float, velocity: float, speed: float, base: float, params: tuple[float]) -> float:
@@ -24,7 +19,7 @@ EFFECT = Effect(
     source="Newton's second law",
     parameters=(Parameter("constant_force", "{x}/s^2", "f", default=0.0),),
     component="force-of-position",
-    applies=applies,
+    applies=has_one_speed,
     plausibility=0.5,
     acceleration=acceleration,
     largest=0.5,  # half of gravity or of a spring is not a small push

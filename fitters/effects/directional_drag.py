@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from fitters.effects._domain import has_speed
-from fitters.effects._drives import tells_one_reading
+from fitters.effects._domain import has_one_speed, rubs
+from fitters.effects._drives import is_driven
 from iris_sysid.types import Effect, EffectExample, OdeModel, Parameter
 
 
 def applies(model: OdeModel) -> bool:
-    """Whether one body is driven along a line or about an axis."""
-    return has_speed(model) and model.degrees_of_freedom == 1 and tells_one_reading(model)
+    """Whether something that may rub is driven along a line or about an axis."""
+    return has_one_speed(model) and rubs(model) and is_driven(model)
 
 
 def acceleration(t: float, position: float, velocity: float, speed: float, base: float, params: tuple[float]) -> float:

@@ -62,6 +62,8 @@ def calls_for_rest(fitted: FitResult) -> bool:
     if fitted.status in ("misfit", "not-converged", "diverged", "at-bound"):
         return True
     residual = fitted.residual[fitted.used]
+    if not residual.size:
+        return False
     with np.errstate(all="ignore"):
         return bool(np.any(np.abs(residual.mean(axis=0)) * np.sqrt(len(residual)) > SUSPECTED * fitted.rms))
 

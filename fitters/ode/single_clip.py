@@ -152,15 +152,26 @@ def fit(
 
 def _about_its_rest(request: FitRequest, asked: Sequence[str]) -> FitResult:
     """The fit, with its rest position estimated where nobody stated it and the data call for it."""
-    names = held_zeros(request.trajectory, request.model, {*request.fixed, *request.free})
     result = solve(request)
-    if names and calls_for_rest(result):
-        moved = solve(request.with_(free=[*request.free, *names]))
-        result = moved if is_better(moved, result, names) else result
+    if calls_for_rest(result):
+        _, result = with_rest(request, result)
     freed = [parameter.name for parameter in request.model.with_role("offset") if request.model.second_order]
     freed = [name for name in freed if name in result.free and name not in asked]
     note = f"the motion is not about zero: {', '.join(freed)} is estimated as well"
     return replace(result, notes=(*result.notes, note)) if freed else result
+
+
+def with_rest(request: FitRequest, held: FitResult) -> tuple[FitRequest, FitResult]:
+    """A request and its fit with the rest positions estimated that nobody stated, where that is better; or as it was.
+
+    ``held`` is the fit of the request, which takes zero for them.
+    """
+    names = held_zeros(request.trajectory, request.model, {*request.fixed, *request.free})
+    if not names:
+        return request, held
+    freed = request.with_(free=[*request.free, *names])
+    moved = solve(freed)
+    return (freed, moved) if is_better(moved, held, names) else (request, held)
 
 
 def solve(request: FitRequest) -> FitResult:

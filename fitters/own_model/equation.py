@@ -144,6 +144,11 @@ def quantities_of_equation(text: str) -> tuple[str, ...]:
     return tuple(_system(text).sides)
 
 
+def inputs_of_equation(text: str) -> tuple[str, ...]:
+    """Names of the known inputs of an equation in text; DataError where it cannot be read."""
+    return tuple(_system(text).inputs)
+
+
 def rates_of_equation(text: str) -> dict[str, Expression]:
     """The rate of each state by its name, in the order of the model's states; DataError where it cannot be read.
 

@@ -69,7 +69,7 @@ def model_of(stated: EquationArguments, table: Path, columns: str | None) -> Ode
 
 def model_for(text: str, bounds: Sequence[str], known: Sequence[str], clip: Trajectory) -> OdeModel:
     """The model of an equation for a trajectory; see :func:`model_of`."""
-    from fitters.own_model.equation import model_from_equation, quantities_of_equation
+    from fitters.own_model.equation import inputs_of_equation, model_from_equation, quantities_of_equation
     from iris_sysid.cli import _parsing
 
     units = {name: value.unit for name, value in _parsing.settings(known).items() if value.unit}
@@ -77,12 +77,11 @@ def model_for(text: str, bounds: Sequence[str], known: Sequence[str], clip: Traj
     names = quantities_of_equation(text)
     units |= _alone(clip, names)
     observed = [name for name in names if name in units]
-    model = model_from_equation(text, units=units, observed=observed, bounds=parsed_bounds(bounds))
-    others = [quantity for quantity in clip.quantities if quantity.name not in names]
-    if len(model.inputs) == 1 and model.inputs[0].name not in units and len(others) == 1:
-        units[model.inputs[0].name] = others[0].unit or "1"  # the only other column drives it, whatever its unit
-        model = model_from_equation(text, units=units, observed=observed, bounds=parsed_bounds(bounds))
-    return model
+    inputs = inputs_of_equation(text)
+    others = [quantity.unit for quantity in clip.quantities if quantity.name not in names]
+    if len(inputs) == len(others) == 1:  # the only other column drives it, whatever its unit
+        units.setdefault(inputs[0], others[0] or "1")
+    return model_from_equation(text, units=units, observed=observed, bounds=parsed_bounds(bounds))
 
 
 def _alone(clip: Trajectory, names: Sequence[str]) -> dict[str, str]:

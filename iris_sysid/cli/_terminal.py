@@ -89,7 +89,7 @@ def read_tables(tables: Sequence[Path], record: RecordArguments, model: OdeModel
             clips[-1], seen = from_positions(clips[-1], model)
             if text or seen:
                 tell(f"{table}: {seen or text}")
-            _check_observed(clips[-1], model, table)
+            _check_quantities(clips[-1], model, table)
     return clips
 
 
@@ -107,7 +107,7 @@ def from_positions(clip: Trajectory, model: OdeModel) -> tuple[Trajectory, str]:
     return observed_positions(clip, phenomenon, clip.known), f"{names} of the model {model.name} from x and z"
 
 
-def _check_observed(clip: Trajectory, model: OdeModel, table: Path) -> None:
+def _check_quantities(clip: Trajectory, model: OdeModel, table: Path) -> None:
     """Raise DataError with the option that names columns where what the model observes, or its input, is missing."""
     observed, given = ([each.name for each in some] for some in (clip.quantities, clip.input_quantities))
     lacks = [(model.observed, "observes", observed), (model.inputs, "is driven by", given)]

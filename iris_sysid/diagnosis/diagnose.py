@@ -17,8 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fitters.components import marginal
-from fitters.ode import FitRequest, solve
-from fitters.ode.rest_position import held_zeros, is_better
+from fitters.ode import FitRequest, solve, with_rest
 from fitters.ode.weak_fit import is_observed, weak_fit
 from iris_sysid.diagnosis.contributions import starts_of
 from iris_sysid.diagnosis.evidence import best_first
@@ -187,9 +186,9 @@ def _with_run(request: FitRequest, fitted: FitResult) -> tuple[FitRequest, FitRe
 
     A drive without its friction, for one, fits best with a mass so large that nothing moves.
     """
-    request, fitted = _about_its_rest(request, fitted)
-    follows = fitted.usable and fitted.explained >= FOLLOWED
-    found = weak_fit(request) if request.model.inputs and not follows else None
+    if not _follows(fitted):
+        request, fitted = with_rest(request, fitted)
+    found = weak_fit(request) if request.model.inputs and not _follows(fitted) else None
     if found is None:
         return request, fitted
     own = {name: found.values[name] for name in found.stderr}
@@ -197,14 +196,8 @@ def _with_run(request: FitRequest, fitted: FitResult) -> tuple[FitRequest, FitRe
     return request, solve(request.with_(fixed={**own, **request.fixed}, free=()).from_near(start))
 
 
-def _about_its_rest(request: FitRequest, fitted: FitResult) -> tuple[FitRequest, FitResult]:
-    """The same, about a rest position off zero where a model that takes zero for it does not follow the data."""
-    rests = held_zeros(request.trajectory, request.model, {*request.fixed, *request.free})
-    if not rests or (fitted.usable and fitted.explained >= FOLLOWED):
-        return request, fitted
-    freed = request.with_(free=[*request.free, *rests])
-    moved = solve(freed)
-    return (freed, moved) if is_better(moved, fitted, rests) else (request, fitted)
+def _follows(fitted: FitResult) -> bool:
+    return fitted.usable and fitted.explained >= FOLLOWED
 
 
 def _complete_start(cache: FitCache, world: OpenWorld, judged: ModelWithEffects) -> ModelWithEffects | None:

@@ -69,12 +69,12 @@ class EffectSearch:
         base, library, support = self._cache.base, self._cache.library.by_name, self._support
         screening, formulas = self._cache.screening(base), self._formulas(base)[:TRIED]
         absorbing = [
-            name for name in self._testable(base, absorbs=True) if support.turns and support.agrees(library[name])
+            name for name in self.testable(base, absorbs=True) if support.turns and support.agrees(library[name])
         ]
         models = [self._cache.with_added(base, screening.single(name)) for name in (*formulas, *absorbing[:ABSORBING])]
         return self._best(base, [model for model in models if model.usable and model.explains])
 
-    def _testable(self, current: ModelWithEffects, *, absorbs: bool) -> list[str]:
+    def testable(self, current: ModelWithEffects, *, absorbs: bool) -> list[str]:
         """The effects that can be tested beside a model, best first: with a formula, or that imitate anything."""
         testable, library = self._cache.testable(current), self._cache.library.by_name
         names = self._cache.screening(current).names
@@ -82,7 +82,7 @@ class EffectSearch:
 
     def _formulas(self, current: ModelWithEffects) -> list[str]:
         """Those with a formula that are of a possible sign to first order; all where that tells nothing."""
-        names, screening = self._testable(current, absorbs=False), self._cache.screening(current)
+        names, screening = self.testable(current, absorbs=False), self._cache.screening(current)
         return [name for name in names if self._cache.library.allows(screening.single(name)) or current.far_off]
 
     def _with_formulas(self, current: ModelWithEffects) -> ModelWithEffects:
@@ -259,7 +259,7 @@ class EffectSearch:
         """
         if not context.usable:
             return []
-        screening, names = self._cache.screening(context), self._testable(context, absorbs=True)
+        screening, names = self._cache.screening(context), self.testable(context, absorbs=True)
         library, support = self._cache.library.by_name, self._support
         is_free = not any(support.is_largest(effect) for effect in instead_of)
         chosen = [name for name in names[:ABSORBING] if is_free or support.agrees(library[name], of_range=True)]

@@ -121,10 +121,9 @@ class OpenWorld:
         base, library = self._cache.base, self._cache.library.by_name
         if model.explains:
             return False
-        names = [name for name in self._cache.testable(base) if library[name].observe and not library[name].absorbs]
+        names = [name for name in self._search.testable(base, absorbs=False) if library[name].observe]
         screening = self._cache.screening(base)
-        best = [name for name in screening.names if name in names][:READINGS]
-        readings = [self._cache.with_added(base, screening.single(name)) for name in best]
+        readings = [self._cache.with_added(base, screening.single(name)) for name in names[:READINGS]]
         return any(self.shares.allows(each) and each.squares < model.squares for each in readings)
 
     def _is_followed(self, found: WeakSet, model: ModelWithEffects) -> bool:

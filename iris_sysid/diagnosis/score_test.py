@@ -14,8 +14,9 @@ from itertools import combinations
 
 import numpy as np
 
-from fitters.compose_effects import moved, unit_in
+from fitters.compose_effects import unit_in
 from fitters.effect_sensitivity import EffectMotion, motion_of, sensitivities
+from fitters.effect_shapes import shapes_tried
 from fitters.noise.autoregression import Autoregression, grid_positions, on_grid
 from fitters.noise.sandwich_covariance import inverse_normal, middle, random_uncertainty
 from iris_sysid.diagnosis.block_means import Residuals, block_means
@@ -245,9 +246,7 @@ def screen(effects: Sequence[Effect], fitted: FitResult, trajectory: Trajectory)
     scores, rows = {}, []
     given = trajectory.inputs_at(residual.t_s)
     for effect in effects:
-        tested = observed if effect.drive is None or given is None else given
-        places = moved(fitted.model, effect, residual.t_s, tested)
-        shapes = list(effect.trials(residual.t_s, places)) if effect.trials is not None else [()]
+        shapes = shapes_tried(effect, fitted.model, residual.t_s, observed, given)
         directions_of = partial(_directions_of, effect, residual, noise, (fitted, trajectory, motion))
         visible = _visible_directions(effect, shapes, residual.t_s, directions_of)
         rows += visible

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitters.compose_effects import moved
 from fitters.effect_sensitivity import forces_along
+from fitters.effect_shapes import shapes_tried
 from fitters.ode import FitRequest
 from fitters.ode.weak_fit import WeakFit, is_observed, weak_fit, weak_gains
 from iris_sysid.diagnosis.block_means import at_samples, first_samples
@@ -187,9 +187,7 @@ class WeakRanking:
         clip = self._clips[0].trajectory
         valid = np.flatnonzero(clip.valid)
         given = clip.inputs_at(clip.t_s[valid])
-        tested = clip.position[valid] if effect.drive is None or given is None else given
-        places = moved(self._model, effect, clip.t_s[valid], tested)
-        shapes = [()] if effect.trials is None else list(effect.trials(clip.t_s[valid], places))
+        shapes = shapes_tried(effect, self._model, clip.t_s[valid], clip.position[valid], given)
         ranked = effect.acceleration is not None and len(shapes) > 1 and len(self._clips) == 1
         if ranked or (effect.memory and shapes):
             shapes = self._nearest(current, effect, shapes)

@@ -66,14 +66,18 @@ class Column:
 
 def parse_column(header: str) -> Column:
     """Take a column's name apart; DataError explains the grammar where it does not follow it."""
-    spelled = header.replace("/s^", "_s").replace("/s", "_s")  # w_rad/s is w in rad/s, as w_rad_s is
-    match = PATTERN.fullmatch(spelled if INPUT.fullmatch(header) is None else f"{header}_1")
+    match = PATTERN.fullmatch(without_slash(header) if INPUT.fullmatch(header) is None else f"{header}_1")
     if match is None:
         raise DataError(
             f"column {header!r:.60} is not <name>_<unit>{_nearest(header):.60}; units are {', '.join(COLUMN_UNITS)}"
         )
     unit, factor = SUFFIXES[match["suffix"]]
     return Column(header, match["name"], unit, factor, PARTS[match["part"]], match["sigma"] is not None)
+
+
+def without_slash(text: str) -> str:
+    """A unit per second, or a name that ends in one, as the name of a column has it: ``w_rad_s`` for ``w_rad/s``."""
+    return text.replace("/s^", "_s").replace("/s", "_s")
 
 
 def _nearest(header: str) -> str:

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from iris_sysid.errors import DataError
 from iris_sysid.io.csv_cells import BLANK, Sheet
-from iris_sysid.io.csv_columns import INPUT, SUFFIXES
+from iris_sysid.io.csv_columns import INPUT, SUFFIXES, without_slash
 from iris_sysid.io.table_cells import Cells, read_cells
 from iris_sysid.types import Quantity
 from iris_sysid.units import COLUMN_UNITS
@@ -70,10 +70,11 @@ QUANTITIES: Mapping[str, str] = {
 MAX_TITLE = 300  # characters; a longer one is not a name with a unit
 FRAMES = ("frame", "frames", "bild", "image", "index", "step")
 BRACKETED = re.compile(r"(?P<name>.*?)\s*[\(\[]\s*(?P<unit>[^()\[\]]*?)\s*[\)\]]\s*")
-RATE = r"(?:/s(?:\^?[23]|²)?)?"
+PER_SECOND = r"/s(?:\^?[23]|²)?"
+RATE = rf"(?:{PER_SECOND})?"
 DIVIDED = re.compile(rf"(?P<name>.*?)(?:\s*/\s*|\s+in\s+)(?P<unit>[^\s/]+{RATE})\s*")
 ENDING = re.compile(rf"(?P<name>.*?)[_\s]+(?P<unit>(?![AVNKWL1]\b)[^\s/_]+{RATE})\s*")  # ball_A is not a current
-SPEED = re.compile(r"(?P<name>.*?)[_\s]+(?P<unit>[^\s/_]+/s(?:\^?[23]|²)?)\s*")  # v_m/s is not v_m in s
+SPEED = re.compile(rf"(?P<name>.*?)[_\s]+(?P<unit>[^\s/_]+{PER_SECOND})\s*")  # v_m/s is not v_m in s
 NAMED = re.compile(  # but this is
     r"(?P<name>(?:.*[_\s])?(?:force|voltage|current|power|temperature))[_\s]+(?P<unit>[AVNKW])\s*", re.IGNORECASE
 )
@@ -204,8 +205,8 @@ def _unit(text: str) -> tuple[str, float] | None:
     """The unit's name in a column and a factor to it; None where it is not a unit."""
     plain = unicodedata.normalize("NFKD", text.strip().strip("()[] ").replace("²", "^2").replace("³", "^3"))
     plain = "".join(letter for letter in plain if not unicodedata.combining(letter))
-    spelled = re.sub(r"/s\^?([23])$", r"_s\1", plain).replace("/s", "_s")
-    return next((SPELLED[form] for form in (text.strip(), plain, spelled, plain.lower()) if form in SPELLED), None)
+    forms = (text.strip(), plain, without_slash(plain), plain.lower())
+    return next((SPELLED[form] for form in forms if form in SPELLED), None)
 
 
 def _taken_apart(title: str) -> tuple[str, tuple[str, float] | None]:
@@ -286,18 +287,19 @@ def columns_for(path: str | Path, quantities: Sequence[Quantity]) -> dict[str, s
     shown = [titles[k] for k in others] or ["COLUMN"]
     asked = {}
     for quantity in quantities:
-        same = [title for title in shown if _is_of(title, quantity)]
-        title = (same or shown)[0]
-        unit = _taken_apart(title)[1] if same else None  # a column in mm is not to be read in m
-        asked[f"{quantity.name}[{Meaning(0, quantity.name, *unit).unit_text if unit else quantity.unit}]"] = title[:60]
+        units = {title: _unit_of(title, quantity) for title in shown}
+        title = next((title for title, unit in units.items() if unit), shown[0])
+        unit = units[title]  # a column in mm is not to be read in m
+        name = Meaning(0, quantity.name, *unit).unit_name if unit else f"{quantity.name}[{quantity.unit}]"
+        asked[name] = title[:60]
         shown = [other for other in shown if other != title] or shown
     return {"t": f"{titles[time]:.60}", **asked}
 
 
-def _is_of(title: str, quantity: Quantity) -> bool:
-    """Whether a column states a unit of the kind that a quantity has."""
+def _unit_of(title: str, quantity: Quantity) -> tuple[str, float] | None:
+    """The unit that a column states, where it is of the kind that a quantity has; else None."""
     unit = _taken_apart(title)[1]
-    return unit is not None and SUFFIXES[unit[0]][0] == quantity.unit and bool(quantity.unit)
+    return unit if unit is not None and quantity.unit and SUFFIXES[unit[0]][0] == quantity.unit else None
 
 
 def example_of(titles: Sequence[str]) -> dict[str, str]:

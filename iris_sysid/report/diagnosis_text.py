@@ -21,6 +21,7 @@ from iris_sysid.types import (
     KIND_NAMES,
     KINDS_IN_WORDS,
     MEANINGS,
+    UNEXPLAINED,
     Component,
     ComponentKind,
     Components,
@@ -33,7 +34,6 @@ from iris_sysid.types import (
 )
 
 MIN_SHARE = 0.03  # of a part of the residual that the sentence mentions
-UNEXPLAINED = 2.0  # times the noise, above which a residual is not called noise, as in a verdict
 WIDE_RANGE = 0.1  # of shares, above which the range is given
 SLOW: tuple[ComponentKind, ...] = ("zero-wander", "force-of-time", "own-force-drift")
 MAX_ALTERNATIVES = 2  # kinds that can take the place of a part, that its clause names

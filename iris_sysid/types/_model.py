@@ -175,6 +175,11 @@ class OdeModel(Portable):
         return not self.second_order and self.states[0].unit.endswith("/s")
 
     @property
+    def has_velocity(self) -> bool:
+        """Whether a velocity is a state: in a model of second order, or of speeds."""
+        return self.second_order or self.of_speeds
+
+    @property
     def degrees_of_freedom(self) -> int:
         """Number of highest derivatives, on which forces act: one a position, or one a state of first order."""
         return len(self.own_states) // 2 if self.second_order else len(self.own_states)
@@ -194,6 +199,11 @@ class OdeModel(Portable):
     def initial_names(self) -> tuple[str, ...]:
         """Names of the initial values, ``<state>_0``, in the order of the states."""
         return tuple(f"{state.name}_0" for state in self.states)
+
+    def velocities(self, states: Array, slopes: Array) -> Array:
+        """The velocities (n, f) of states (n, s) and their rates ``slopes`` (n, s); the rates where it has none."""
+        moving = states if self.has_velocity else slopes
+        return np.asarray(moving[:, self.forced_states])
 
     def with_role(self, role: ParameterRole) -> tuple[Parameter, ...]:
         """The parameters of that role; none where the model has none."""
@@ -270,12 +280,14 @@ class Effect(Portable):
     """Something that a governing equation may lack; one of its maps acts, the others are None.
 
     ``parameters``: the first is the size, and at zero the effect is absent. In a unit, ``{x}`` stands
-    for the unit of the observed quantity: quadratic drag of an angle has the unit 1/rad.
+    for the unit of the observed quantity, or of a force on a speed for that of the place: quadratic drag of an angle,
+    and of an angular velocity, has the unit 1/rad.
 
     ``acceleration(t, position, velocity, speed, base, params)`` returns what is added to one second
     derivative ``base`` of a model of second order, or to one rate of a model of first order (there
-    ``velocity`` is that rate). It is called for each component of each body; ``speed`` is the norm of
-    the body's velocity. It must accept numbers, so that numba can compile it, and arrays of them.
+    ``velocity`` is that rate, or the state itself where that is a speed). It is called for each component of each body;
+    ``speed`` is the norm of the body's velocity. It must accept numbers, so that numba can compile it, and arrays of
+    them.
     An effect with a memory has ``hidden`` states, which begin at zero. It acts on one degree of freedom:
     ``acceleration`` takes them, a tuple, as a seventh argument, and ``memory(t, position, velocity, base, params,
     hidden)`` returns their rates as a tuple of numbers.
@@ -293,7 +305,7 @@ class Effect(Portable):
     ``alike`` names effects and parameters that do nearly the same, in words; ``typical`` the sizes that one meets.
     ``trials(t_s (n,), observed (n, d))``, where given, returns the values of the parameters after the first to
     try, e.g. times at which something may have happened: at size zero nothing tells one from another. With ``drive``,
-    it is given the inputs (n, m) instead.
+    it is given the inputs (n, m) instead, of a force on speeds the way that they go.
     ``nearby(t_s (n,), shape)``, where given, returns others around such values, which are then chosen, not fitted.
     ``sensible(t_s (n,), params)``, where given, says whether fitted parameters still mean the effect in a clip.
     ``example``, which every registered effect has, is a case for the contract tests.

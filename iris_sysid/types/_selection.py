@@ -20,9 +20,10 @@ class ModelCandidate:
     ``observable`` is the interpretation of the track, e.g. ``angle``. ``heldout`` and ``residual``: root mean square,
     in units of the measurement's noise, of all raw channels over the samples held out and over all of them; ``bic``
     over all samples. ``fit`` is that of all samples, None when it failed; ``adequate`` when its residual is near the
-    noise. ``count`` numbers describe the samples: those of the model and of the observable. ``idle``: the model has
-    events, but none happens in these samples, so the data do not test them. ``expected`` is the held-out error that
-    the noise and the errors of the fit to the other samples give, 1 where these are known well.
+    noise. ``count`` numbers describe the samples: those of the model and of the observable. ``idle``: what the
+    model is about is not in these samples (its events, a rest position, gravity), so the data do not test it.
+    ``expected`` is the held-out error that the noise and the errors of the fit to the other samples give, 1 where these
+    are known well.
     """
 
     model: str

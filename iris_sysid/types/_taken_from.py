@@ -10,28 +10,25 @@ import numpy as np
 from iris_sysid.types._motion import Trajectory
 from iris_sysid.types._numbers import Quantity
 
-LENGTHS = ("m",)  # in an image, px, y points down
-
 
 def driven_by(trajectory: Trajectory, inputs: Sequence[Quantity], observed: Sequence[str]) -> tuple[Trajectory, str]:
-    """The trajectory with its only possible input under the name of the only one of ``inputs`` that it lacks.
+    """The trajectory with its only possible input under the name of the only one of ``inputs``.
 
     That is an input of another name, or the only quantity of the input's unit that is not ``observed``. The text says
     what was taken; it is empty where nothing was.
     """
     known = [quantity.name for quantity in trajectory.input_quantities]
-    missing = [quantity for quantity in inputs if quantity.name not in known]
-    if len(missing) != 1 or (known and len(inputs) > 1):
+    if len(inputs) != 1 or inputs[0].name in known or len(known) > 1:
         return trajectory, ""
-    wanted = missing[0]
-    if len(known) == 1:
+    (wanted,) = inputs
+    if known:
         renamed = (replace(trajectory.input_quantities[0], name=wanted.name, symbol=wanted.symbol),)
         return trajectory.with_(input_quantities=renamed), f"{wanted.name} = {known[0]}"
     others = [quantity for quantity in trajectory.quantities if quantity.name not in observed]
-    same = [quantity for quantity in others if (quantity.unit or "1") == (wanted.unit or "1")]
-    if known or len(same) != 1 or len(trajectory.quantities) < 2:
+    same = [quantity.name for quantity in others if (quantity.unit or "1") == (wanted.unit or "1")]
+    if len(same) != 1 or len(trajectory.quantities) < 2:
         return trajectory, ""
-    return _with_input(trajectory, trajectory.column(same[0].name), wanted), f"{wanted.name} = {same[0].name}"
+    return _with_input(trajectory, trajectory.column(same[0]), wanted), f"{wanted.name} = {same[0]}"
 
 
 def _with_input(trajectory: Trajectory, column: int, wanted: Quantity) -> Trajectory:
@@ -49,9 +46,9 @@ def _with_input(trajectory: Trajectory, column: int, wanted: Quantity) -> Trajec
 
 
 def upwards(trajectory: Trajectory, observed: Sequence[str]) -> tuple[Trajectory, str]:
-    """The trajectory with y, in metres, as z where a model observes x and z: outside of images y points upwards."""
+    """The trajectory with y, in metres, as z where a model observes x and z: in an image, px, it points down."""
     names = {quantity.name: quantity.unit for quantity in trajectory.quantities}
-    if not {"x", "z"} <= set(observed) or "z" in names or "x" not in names or names.get("y") not in LENGTHS:
+    if not {"x", "z"} <= set(observed) or "z" in names or "x" not in names or names.get("y") != "m":
         return trajectory, ""
     quantities = tuple(replace(each, name="z") if each.name == "y" else each for each in trajectory.quantities)
     return trajectory.with_(quantities=quantities), "z = y, upwards"

@@ -162,10 +162,11 @@ def test_reading_error_that_explains_more_than_short_windows_show_sends_the_sear
     screening = SimpleNamespace(names=list(by_name), single=lambda name: name)
     added = []
     world = OpenWorld.__new__(OpenWorld)
+    formulas = [name for name, effect in by_name.items() if not effect.absorbs]
+    world._search = SimpleNamespace(testable=lambda base, absorbs: [] if absorbs else formulas)
     world._cache = SimpleNamespace(
         base=None,
         library=SimpleNamespace(by_name=by_name),
-        testable=lambda base: list(by_name),
         screening=lambda base: screening,
         with_added=lambda base, name: added.append(name) or SimpleNamespace(squares=left),
     )

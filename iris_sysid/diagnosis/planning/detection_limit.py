@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitters.compose_effects import check_applies, moved, unit_in, with_effect
+from fitters.compose_effects import check_applies, unit_in, with_effect
 from fitters.effect_sensitivity import shaped
+from fitters.effect_shapes import shapes_tried
 from fitters.ode import sensitivity, simulate
 from iris_sysid.diagnosis.score_test import critical_value
 from iris_sysid.diagnosis.screening import SINGLE_LEVEL
@@ -140,8 +141,7 @@ def camera_noise(distance_m: float, noise_px: float, width_px: float = WIDTH_PX)
 def _limit(model: OdeModel, effect: Effect, values: Mapping[str, float], noise: float, t_s: Array) -> float:
     """The size that is found in half of the clips at these times (n,) s."""
     seen = simulate(model, t_s, values).observed
-    shape = next(iter(effect.trials(t_s, moved(model, effect, t_s, seen)))) if effect.trials is not None else ()
-    composed = with_effect(model, shaped(effect, shape))
+    composed = with_effect(model, shaped(effect, shapes_tried(effect, model, t_s, seen)[0]))
     size = effect.parameters[0].name
     fitted = [each.name for each in model.parameters if not each.constant] + list(model.initial_names)
     slopes = sensitivity(composed, t_s, {**values, size: 0.0}, [size, *fitted]) / noise
