@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -124,10 +125,12 @@ class Contributions:
         return removed_share(self._cache.base, alone) if alone.usable else 0.0
 
     def removed(self, model: ModelWithEffects, effect: Effect) -> float:
-        """The fraction of the squared error over blocks left out that an effect removes beside the others."""
-        if not self.testable:
-            return float("nan")
-        return max(self.removed_in(each, effect) for each in self.contexts(model, effect))
+        """The fraction of the squared error over blocks left out that an effect removes beside the others.
+
+        NaN where no model without the effect can be fitted.
+        """
+        each = [self.removed_in(context, effect) for context in self.contexts(model, effect)] if self.testable else []
+        return max((share for share in each if not math.isnan(share)), default=math.nan)
 
     def removed_in(self, model: ModelWithEffects, effect: Effect) -> float:
         """The same in this model alone; NaN where the model without the effect cannot be fitted."""

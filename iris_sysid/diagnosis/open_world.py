@@ -280,6 +280,8 @@ class OpenWorld:
         is_rest = len(model.effects) > 1 and self.shares.share_of(model, effect) < MIN_SHARE
         if self._support.never_turns and effect is self._main(model):
             share, is_rest = self.shares.alone(model, effect), False
+        if math.isnan(share):
+            return Finding("located", effect.component, names, share, "the model cannot be fitted without it")
         if share < NAMED_SHARE or is_rest:
             return Finding("located", effect.component, names, share, "it is a small part of the residual")
         contexts = self.shares.contexts(model, effect)

@@ -380,3 +380,33 @@ def test_formulas_are_tried_only_beside_what_has_one_form(monkeypatch, named, be
     world._search = SimpleNamespace(run=lambda: found, beside=lambda model, names: sorted(names))
     monkeypatch.setattr(world, "_named_absorbing", lambda model: {named, "zero-wander"})
     assert world.searched() == ([named] if beside else found)
+
+
+@pytest.mark.parametrize(
+    ("shares", "word", "said"),
+    [
+        ((np.nan, 0.1), "located", "small part"),
+        ((0.1, np.nan), "located", "small part"),
+        ((np.nan, np.nan), "located", "cannot be fitted without it"),
+        ((np.nan, 0.4), "named", ""),
+    ],
+)
+def test_no_name_comes_from_a_model_that_cannot_be_fitted_without_the_effect(monkeypatch, shares, word, said):
+    effect = EFFECTS["quadratic-drag"]
+    model = SimpleNamespace(effects=(effect, EFFECTS["impact"]), fits=())
+    world = OpenWorld.__new__(OpenWorld)
+    world._support = SimpleNamespace(never_turns=False)
+    world._cache = SimpleNamespace(without=lambda *_: None)
+    world.shares = Contributions.__new__(Contributions)
+    world.shares._blocks = [[0]]
+    answers = {
+        "contexts": lambda *_: ["whole", "formulas"],
+        "removed_in": lambda context, _: shares[context == "formulas"],
+        "share_of": lambda *_: 0.5,
+        "is_resolved": lambda *_: True,
+    }
+    for name, answer in answers.items():
+        monkeypatch.setattr(Contributions, name, lambda _, *given, answer=answer: answer(*given))
+    found = world._finding(model, effect, (effect.name,), ())
+    assert found.word == word
+    assert said in found.reason
