@@ -1,8 +1,8 @@
 """The error over blocks left out to first order, from the fit to all samples alone: no fit is made anew.
 
 With the residual r in units of the noise, its derivatives -J by the free values, and A = J'J, a fit without the samples
-of a block B moves the values by (A - J_B' J_B)^-1 (J'r - J_B' r_B); its error over the block is r_B less J_B times that
-(Cook and Weisberg 1982, Residuals and Influence in Regression, section 2.2). A prior is one more sample, in no block.
+of a block B moves the values by -(A - J_B' J_B)^-1 J_B' r_B; its error over the block is r_B less J_B times that (Cook
+and Weisberg 1982, Residuals and Influence in Regression, section 2.2). A prior is one more sample, in no block.
 """
 
 from __future__ import annotations
@@ -25,7 +25,8 @@ class _Linear:
     """A fit to first order, without one block after the other.
 
     ``residual`` (n, d), ``noise`` (n, d) and ``jacobian`` (n, d, k) at the samples used, the latter in units of the
-    noise; ``information`` (k, k) and ``slope`` (k,) are J'J and J'r with the priors.
+    noise; ``information`` (k, k) is J'J with the priors. J'r is zero at a minimum: where it is not, a value that the
+    samples do not determine would move without limit.
     """
 
     fitted: FitResult
@@ -33,7 +34,6 @@ class _Linear:
     noise: Array
     jacobian: Array
     information: Array
-    slope: Array
 
     @classmethod
     def of(cls, fitted: FitResult, unit: Array) -> _Linear:
@@ -42,16 +42,15 @@ class _Linear:
         rows = fitted.informed_jacobian(noise)
         jacobian = rows[: weighed.size].reshape(*weighed.shape, -1)
         with np.errstate(all="ignore"):
-            slope = rows.T @ np.concatenate([weighed.ravel(), fitted.prior_residual])
-            return cls(fitted, weighed, noise, jacobian, rows.T @ rows, slope)
+            return cls(fitted, weighed, noise, jacobian, rows.T @ rows)
 
     def without(self, block: Indices, given: Mapping[str, float] | None = None) -> Array:
         """The change (k,) of each free value without a block, some of the values moved to where others say."""
         rows, seen = self._rows(block), self.fitted.free
         with np.errstate(all="ignore"):
             information = self.information - np.einsum("ndk,ndl->kl", self.jacobian[rows], self.jacobian[rows])
-        slope = self.slope - np.einsum("ndk,nd->k", self.jacobian[rows], self.residual[rows])
-        change, held = np.zeros(len(seen)), np.zeros(len(seen), dtype=np.bool_)
+        slope = -np.einsum("ndk,nd->k", self.jacobian[rows], self.residual[rows])
+        change, held = np.zeros(len(seen)), np.isin(seen, self._unknown_forms)
         for name, value in (given or {}).items():
             k = seen.index(name)
             held[k], change[k] = True, value - self.fitted.estimates[name].value
@@ -59,6 +58,12 @@ class _Linear:
         with np.errstate(all="ignore"):  # of derivatives that are not finite the solution is infinite
             change[left] = _solved(information[np.ix_(left, left)], (slope - information @ change)[left])
         return change
+
+    @property
+    def _unknown_forms(self) -> list[str]:
+        """The forms of effects that the samples do not determine: a small change says nothing of a large one there."""
+        known = {each.name: self.fitted.estimates[each.name] for each in self.fitted.model.with_role("form")}
+        return [name for name, each in known.items() if not each.stderr < abs(each.value)]
 
     def errors(self, block: Indices, change: Array) -> Array:
         """The errors (m, d) over a block, in units of the noise, of values moved by ``change`` (k,)."""

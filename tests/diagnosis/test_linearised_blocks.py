@@ -5,10 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fitters.compose_effects import with_effects
+from fitters.ode import FitRequest
 from iris_sysid.diagnosis.held_out_blocks import every_block, held_out_errors
 from iris_sysid.diagnosis.linearised_blocks import linearised_errors
-from iris_sysid.diagnosis.refit import ModelWithEffects
-from tests.diagnosis.test_hold_out import PENDULUM, dragged, fit, table, with_drag
+from iris_sysid.diagnosis.refit import ModelWithEffects, fit_from
+from iris_sysid.registry import EFFECTS
+from tests.diagnosis.test_hold_out import NOISE, PENDULUM, SWING, T_S, VALUES, dragged, fit, table, with_drag
+from validation.independent.motions import integrate
 
 
 def test_errors_and_values_are_those_of_fits_without_each_block():
@@ -55,3 +59,17 @@ def test_derivative_that_is_not_finite_gives_an_infinite_error():
     jacobian[5, 0] = np.inf
     broken = replace(model, fits=(replace(model.fits[0], jacobian=jacobian),))
     assert np.all(np.isinf(linearised_errors(broken, blocks).squares))
+
+
+def test_form_that_the_samples_do_not_determine_does_not_move():
+    """Dry friction that is the same at all speeds: the speed at which it halves may be anything above them."""
+    theta = integrate(SWING, VALUES, T_S, lambda t, x, v, base: -0.1 * np.tanh(v / 0.01))[:, :1]
+    effect = EFFECTS["velocity-weakening-friction"]
+    request = FitRequest(table(theta + 0.004 * np.sin(3 * T_S[:, None])), PENDULUM)
+    fitted = fit_from(request, with_effects(PENDULUM, [effect]), {"weakening_friction": 0.1, "weakening_speed": 90.0})
+    model = ModelWithEffects((fitted,), (np.full((T_S.size, 1), NOISE),), (effect,))
+    blocks = every_block(model.fits)
+    assert fitted.estimates["weakening_speed"].stderr > fitted.estimates["weakening_speed"].value
+    again, linear = held_out_errors([request], model, blocks), linearised_errors(model, blocks)
+    assert linear.mean == pytest.approx(again.mean, rel=0.1)
+    assert np.ptp(linear.values[0]["weakening_speed"]) == 0.0
