@@ -15,7 +15,7 @@ from iris_sysid.diagnosis.component_support import ComponentSupport, can_cause
 from iris_sysid.diagnosis.contributions import Contributions, is_surely_better, removed_share, starts_of
 from iris_sysid.diagnosis.fit_cache import FitCache
 from iris_sysid.diagnosis.held_out_blocks import ALIKE, MIN_SHARE, SURE
-from iris_sysid.diagnosis.refit import ModelWithEffects, fitted_forms, forms
+from iris_sysid.diagnosis.refit import ModelWithEffects
 from iris_sysid.diagnosis.residual_components import ranked_effects
 from iris_sysid.diagnosis.screening import Candidate
 from iris_sysid.types import Effect
@@ -108,17 +108,14 @@ class EffectSearch:
         chosen = [*few, *(each for each in [*singles[:AT_ONCE], *located[:TRIED]] if each not in few)]
         chosen = list({each.names: each for each in chosen}.values())
         models = [self._added(current, dict(each.sizes)) for each in chosen]
-        models += [
-            self._cache.with_free_form(current, each) for each in current.effects if self._may_be_freed(current, each)
-        ]
+        freed = [each for each in current.effects if self._may_be_freed(current, each)]
+        models += filter(None, (self._cache.with_free_form(current, each) for each in freed))
         if current.far_off:  # what an effect removes to first order tells little along a motion that is far off
             models += [self._cache.with_added(current, each) for each in self._cache.best_of(current, names)]
         return [model for model in models if self._shares.allows(model)]
 
     def _may_be_freed(self, current: ModelWithEffects, effect: Effect) -> bool:
-        """Whether an effect has a form that is not fitted, and was not found in another one near that already."""
-        if not forms(effect) or fitted_forms(effect):
-            return False
+        """Whether an effect was not found in another form near the usual one already."""
         if effect.nearby is None:
             return True
         first = self._cache.screening(self._cache.base).scores_of(effect.name)

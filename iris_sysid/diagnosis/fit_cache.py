@@ -8,6 +8,7 @@ from dataclasses import replace
 from fitters.ode import FitRequest
 from iris_sysid.diagnosis.block_means import RANKED, SEARCHED, at_samples, one_a_block
 from iris_sysid.diagnosis.evidence import DECISIVE, best_first, cost_above
+from iris_sysid.diagnosis.form_test import is_form_open
 from iris_sysid.diagnosis.library import EffectLibrary
 from iris_sysid.diagnosis.prediction_error import validation_error
 from iris_sysid.diagnosis.refit import (
@@ -161,8 +162,13 @@ class FitCache:
             self._models[key] = refitted(self.clips, current, self._model, effects, starts)
         return self._models[key]
 
-    def with_free_form(self, current: ModelWithEffects, effect: Effect) -> ModelWithEffects:
-        """The model with the form of one of its effects fitted, instead of the one that it usually has."""
+    def with_free_form(self, current: ModelWithEffects, effect: Effect) -> ModelWithEffects | None:
+        """The model with the form of one of its effects fitted, instead of the one that it usually has.
+
+        None where the effect has no form that is held, or the residual does not call for another one.
+        """
+        if not forms(effect) or fitted_forms(effect) or not is_form_open(self.clips, current, effect):
+            return None
         effects = [with_free_form(other) if other.name == effect.name else other for other in current.effects]
         return self._fitted(current, effects, self._no_starts, forms(effect))
 

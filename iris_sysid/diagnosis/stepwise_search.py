@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 from iris_sysid.diagnosis.evidence import DECISIVE, best_first, cost_above
 from iris_sysid.diagnosis.fit_cache import FitCache
 from iris_sysid.diagnosis.measurement_errors import is_resolved
-from iris_sysid.diagnosis.refit import ModelWithEffects, fitted_forms, forms, significance
+from iris_sysid.diagnosis.refit import ModelWithEffects, significance
 from iris_sysid.types import Effect
 
 MAX_ADDED = 4
@@ -149,13 +149,9 @@ class StepwiseSearch:
 
     def _formed(self, models: Sequence[ModelWithEffects]) -> list[ModelWithEffects]:
         """The models with the form of one of their effects fitted as well."""
-        formed = [
-            self._cache.with_free_form(model, effect)
-            for model in models
-            for effect in model.effects
-            if forms(effect) and not fitted_forms(effect)
-        ]
-        return [model for model in formed if model.usable and self._cache.library.allows_fit(model)]
+        formed = [self._cache.with_free_form(model, effect) for model in models for effect in model.effects]
+        found = filter(None, formed)
+        return [model for model in found if model.usable and self._cache.library.allows_fit(model)]
 
     def _predicts_better(self, candidate: ModelWithEffects, current: ModelWithEffects) -> bool:
         """Whether samples that were left out are predicted better; false where none can be left out."""
