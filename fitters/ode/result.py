@@ -273,7 +273,7 @@ def conclude(
     elif lacking.drag:
         stated = _with_unseen_drag(stated, unseen_drag(task, target, solution, near.flat, ~touching))
     results = estimate_all(task, solution.values, stated)
-    notes = [*notes, *_unseen_drag_note(task, results)]
+    notes = [*notes, *_unseen_drag_note(task, results), *energy_gains(task.model, results.estimates)]
     misfit = beyond or (found is not None and found.misfit)
     status, problems = _status(task, solution, touching, determined, rms if misfit else None)
     measured = with_priors(task.unknowns, task.priors)
@@ -314,6 +314,25 @@ def conclude(
         notes=tuple(filter(None, [*notes, unknown_text(task, results.estimates)])),
         doubts=(*task.trajectory.doubts, *_gravity_doubts(task, results)),
     )
+
+
+def energy_gains(model: OdeModel, estimates: Mapping[str, Estimate]) -> list[str]:
+    """What it means that a damping of a model is surely below zero, one sentence for each that is.
+
+    Parameters
+    ----------
+    model
+        What was fitted.
+    estimates
+        Of its parameters, by name.
+    """
+    dampings = {parameter.name: estimates[parameter.name] for parameter in model.with_role("damping")}
+    return [
+        f"{name} is {damping.value:.2g} ± {damping.stderr:.1g} {damping.unit}; a negative damping adds energy: the loss "
+        "has another form than in the equation, or something drives the motion"
+        for name, damping in dampings.items()
+        if damping.interval[1] < 0.0
+    ]
 
 
 def _unseen_drag_note(task: PreparedFit, results: Budget) -> list[str]:

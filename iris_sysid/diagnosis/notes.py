@@ -8,6 +8,7 @@ import numpy as np
 
 from fitters.ode import FitRequest
 from fitters.ode.known_inputs import gaps_of_inputs
+from fitters.ode.result import energy_gains
 from iris_sysid.diagnosis.measurement_errors import RESOLVED_AT, RESOLVED_SAMPLES
 from iris_sysid.types import DiagnosticNote, Estimate, FitResult, NoteKind, Score
 
@@ -104,13 +105,7 @@ def negative_damping_note(finals: Sequence[FitResult]) -> tuple[DiagnosticNote, 
         Fits with what was added, one a clip.
     """
     texts = [
-        f"{_clip(k, finals)}{name} is {damping.value:.2g} ± {damping.stderr:.1g} {damping.unit}; a negative damping "
-        "adds energy, so the loss has another form than in the equation"
-        for k, fit in enumerate(finals)
-        for name, damping in (
-            (parameter.name, fit.estimates[parameter.name]) for parameter in fit.model.with_role("damping")
-        )
-        if damping.interval[1] < 0.0
+        f"{_clip(k, finals)}{text}" for k, fit in enumerate(finals) for text in energy_gains(fit.model, fit.estimates)
     ]
     return _notes("negative-damping", texts)
 

@@ -777,3 +777,9 @@ def test_start_that_leads_to_a_minimum_beside_the_truth_does_not_outdo_the_guess
     result = fit(clip_of(model, NOISE, 2), model, start=start, options=FitOptions(multistart=0))
     assert result.status == "ok", result.message
     assert result.estimates["contact_23"].value == pytest.approx(values["contact_23"], abs=1e-3)
+
+
+@pytest.mark.parametrize(("damping", "is_said"), [(-0.05, True), (0.0, False)])
+def test_motion_that_gains_energy_is_said_to(damping, is_said):
+    result = fit(pendulum_clip(truth={**TRUTH, "damping": damping, "theta_0": 0.4}), PENDULUM)
+    assert any("adds energy" in note for note in result.notes) == is_said
