@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from fitters.ode import FitRequest
-from iris_sysid import EFFECTS, Quantity, Trajectory, fit, model_from_equation
+from iris_sysid import EFFECTS, Quantity, Trajectory, diagnose, fit, model_from_equation
 from iris_sysid.diagnosis.refit import ModelWithEffects
 from iris_sysid.diagnosis.score_test import common_size
 from iris_sysid.diagnosis.screening import Screening
@@ -42,6 +42,14 @@ def test_level_of_an_input_is_one_in_all_clips_and_a_small_clip_does_not_contrad
     assert len(set(shapes)) == 1
     assert shapes[0][0] == pytest.approx(LEVEL_V, rel=0.15)
     assert sizes[0] == pytest.approx(1.0, abs=0.5)
+
+
+def test_clip_in_which_the_effect_does_not_act_leaves_no_doubt():
+    found = diagnose([driven(2.0, 1), driven(8.0, 3)], MOTOR, effects=("input-saturation",))
+    assert [(finding.word, finding.effects) for finding in found.findings] == [("named", ("input-saturation",))]
+    assert found.verdict.good, found.verdict.text
+    level = found.sizes["saturation_level"]
+    assert abs(level.value - LEVEL_V) < 4 * level.stderr
 
 
 def test_size_that_is_far_beyond_all_others_is_no_warning():
