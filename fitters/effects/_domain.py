@@ -66,8 +66,9 @@ def hangs_freely(model: OdeModel) -> bool:
 
 
 def drains(model: OdeModel) -> bool:
-    """Whether the model is of first order in quantities of one kind: levels, or a brightness, that go down."""
-    return not model.second_order and not model.of_speeds and len({state.unit for state in model.states}) == 1
+    """Whether the model is of first order in quantities of one kind that go down: levels or a brightness, not heat."""
+    units = {state.unit for state in model.states}
+    return not model.second_order and not model.of_speeds and len(units) == 1 and units != {"K"}
 
 
 def any_model(model: OdeModel) -> bool:

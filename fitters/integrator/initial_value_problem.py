@@ -20,6 +20,8 @@ PLANNED = 2000  # samples by which steps of a model with events are chosen
 SIZED = 1e-3  # error of the solution that tells the size of each state
 STEPS_ADDING = 10  # of its steps, over which errors of the final ones add up to the largest of them
 KINK = 0.05  # of what all kinks together may be off, the error of the step at one
+FAR = 0.1  # change of the prediction by a first step, relative to the motion, that tells no derivative
+SHORTENED, MAX_SHORTENED = 1e-3, 6  # factor on such a step, and how often it is applied
 RESPONSE = 1e-4  # change of the prediction that a difference step aims at, relative to the motion
 
 
@@ -350,7 +352,15 @@ def difference_steps(problem: InitialValueProblem, values: Array, which: NDArray
 
     Steps and ``values`` (p + s,) have the unit of each value.
     """
-    steps = first_steps(values, which)
+    steps, predicted = first_steps(values, which), problem.predicted(values)
     with np.errstate(all="ignore"):
-        size = np.nan_to_num(np.nanmax(np.abs(problem.predicted(values)), axis=0, initial=0.0))
-    return adapted_steps(steps, problem.sensitivity(values, which, steps), size)
+        size = np.nan_to_num(np.nanmax(np.abs(predicted), axis=0, initial=0.0))
+        slopes = problem.sensitivity(values, which, steps)
+        for _ in range(MAX_SHORTENED if np.isfinite(predicted).all() else 0):
+            moved = np.abs(slopes * steps) / np.where(size > 0, size, 1.0)[:, None]
+            far = ~(np.max(moved, axis=(0, 1), initial=0.0) < FAR)
+            if not far.any():
+                break
+            steps = np.where(far, SHORTENED * steps, steps)
+            slopes[:, :, far] = problem.sensitivity(values, which[far], steps[far])
+    return adapted_steps(steps, slopes, size)

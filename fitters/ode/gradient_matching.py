@@ -2,7 +2,8 @@
 
 Gradient matching (Varah 1982, SIAM J. Sci. Stat. Comput. 3, 28): local cubics give the states and their rates, and the
 parameters are those whose right-hand side is nearest to the rates. Nothing is integrated, so it needs no good start,
-but every state must be observed or be the velocity of one that is.
+but every state must be observed or be the velocity of one that is. Parameters in which the right-hand side is linear
+are solved for, whatever their size (Golub and Pereyra 1973, SIAM J. Numer. Anal. 10, 413); the others are drawn.
 """
 
 from __future__ import annotations
@@ -26,6 +27,8 @@ DRAWS, REFINED, EVALUATIONS = 200, 3, 60  # random values, those improved, and e
 DECADES = 3.0
 SEED = 0  # the same starts each time
 Residual = Callable[[Array], Array]
+STRAIGHT = 1e-6  # second difference, relative to the first ones, of what is linear but for rounding
+RELATIVE_STEP = 1e-7  # of each value, for derivatives
 MAX_RESIDUAL = 1e6  # of a residual, in standard deviations of the rate
 
 
@@ -107,32 +110,87 @@ def _matched(smoothed: _Smoothed, unknowns: Unknowns, values: Array, rng: np.ran
     size = np.std(smoothed.rates, axis=0)
     size = np.where(size > 0, size, 1.0)
 
-    def residual(now: Array) -> Array:
+    def error(now: Array) -> Array:
         params = start[:count].copy()
         params[free] = now
         with np.errstate(all="ignore"):
             rates = smoothed.problem.slopes(smoothed.states, params)[:, smoothed.matched]
-            error = (smoothed.rates - rates) / size
-        return np.nan_to_num(np.clip(error, -MAX_RESIDUAL, MAX_RESIDUAL), nan=MAX_RESIDUAL).ravel()
+            return np.asarray((smoothed.rates - rates) / size).ravel()
 
     if free.size:
-        start[free] = _best(residual, start[free], unknowns.lower[which], unknowns.upper[which], rng)
+        start[free] = _best(error, start[free], unknowns.lower[which], unknowns.upper[which], rng)
     return start
 
 
-def _best(residual: Residual, now: Array, lower: Array, upper: Array, rng: np.random.Generator) -> Array:
+def _best(error: Residual, now: Array, lower: Array, upper: Array, rng: np.random.Generator) -> Array:
     """The values (k,) of least residual, from random ones over several decades."""
+
+    def residual(values: Array) -> Array:
+        return np.nan_to_num(np.clip(error(values), -MAX_RESIDUAL, MAX_RESIDUAL), nan=MAX_RESIDUAL)
+
     shape = DRAWS, now.size
     drawn = 10.0 ** rng.uniform(-DECADES, DECADES, shape) * rng.choice([-1.0, 1.0], shape)
     drawn = np.where(rng.random(shape) < 1 / 3, now, drawn)
     width = np.where(np.isfinite(upper - lower), upper - lower, 1.0)
-    drawn = np.clip(drawn, lower + 1e-6 * width, upper - 1e-6 * width)
+    inside = lower + 1e-6 * width, upper - 1e-6 * width
+    drawn = np.clip(drawn, *inside)
+    with np.errstate(all="ignore"):
+        linear = _linear(error, drawn[0])
+        drawn = np.array([_projected(error, row, linear, inside) for row in drawn])
     costs = [float(np.sum(np.minimum(np.abs(residual(row)), 10.0))) for row in drawn]
     found = [
-        least_squares(residual, drawn[k], bounds=(lower, upper), x_scale="jac", max_nfev=EVALUATIONS, loss="soft_l1")
+        least_squares(
+            residual,
+            drawn[k],
+            bounds=(lower, upper),
+            x_scale="jac",
+            max_nfev=EVALUATIONS,
+            loss="soft_l1",
+            diff_step=np.full(now.size, RELATIVE_STEP),
+        )
         for k in np.argsort(costs, kind="stable")[:REFINED]
     ]
     return _positive(residual, np.asarray(min(found, key=lambda result: result.cost).x), upper)
+
+
+def _linear(error: Residual, at: Array) -> list[int]:
+    """Which of the values (k,) the error is linear in, together: it has no second difference by any two of them."""
+    found: list[int] = []
+    for k in range(at.size):
+        pairs = [(k, other) for other in (*found, k)]
+        if all(_second_difference(error, at, pair) < STRAIGHT for pair in pairs):
+            found.append(k)
+    return found
+
+
+def _second_difference(error: Residual, at: Array, pair: tuple[int, int]) -> float:
+    """The second difference of the error by two values, relative to the first ones; NaN where it is not finite."""
+    one, other = (_step(at, k) for k in pair)
+    still, first, second, both = (error(at + step) for step in (0.0, one, other, one + other))
+    size = float(np.linalg.norm(first - still) + np.linalg.norm(second - still))
+    return float(np.linalg.norm(both - first - second + still)) / size if size > 0 else np.inf
+
+
+def _step(at: Array, k: int) -> Array:
+    """A change of one value (k,) by its own size; by one where it is zero."""
+    step = np.zeros(at.size)
+    step[k] = abs(at[k]) or 1.0
+    return step
+
+
+def _projected(error: Residual, at: Array, linear: list[int], inside: tuple[Array, Array]) -> Array:
+    """The values with the linear ones of least squares, the others held; as they were where that has no solution."""
+    zero = at.copy()
+    zero[linear] = 0.0
+    still = error(zero)
+    steps = [_step(at, k) for k in linear]
+    columns = np.array([error(zero + step) - still for step in steps]).reshape(len(linear), -1).T
+    length = np.linalg.norm(columns, axis=0)
+    if not linear or not np.all((length > 0) & np.isfinite(length)) or not np.isfinite(still).all():
+        return at
+    solved = at.copy()
+    solved[linear] = np.sum(steps, axis=0)[linear] * np.linalg.lstsq(columns / length, -still, rcond=1e-10)[0] / length
+    return np.asarray(np.clip(solved, *inside))
 
 
 def _positive(residual: Residual, values: Array, upper: Array) -> Array:

@@ -22,7 +22,24 @@ from iris_sysid.units import rate_of
 Kind = Literal["angle", "position", "size", "amount"]
 
 # The function of a term: of its own value a, another value b, its rate v and the body's speed w.
-ONE, LINEAR, SIN, COS, CUBE, ROOT, SQUARE, DIFFERENCE, RATE, DRAG, DRY, INPUT, OTHER_ROOT, SQUARE_RATE = range(14)
+(
+    ONE,
+    LINEAR,
+    SIN,
+    COS,
+    CUBE,
+    ROOT,
+    SQUARE,
+    DIFFERENCE,
+    RATE,
+    DRAG,
+    DRY,
+    INPUT,
+    OTHER_ROOT,
+    SQUARE_RATE,
+    PRODUCT,
+    FOURTH,
+) = range(16)
 
 CODES: dict[Kind, tuple[int, ...]] = {
     "angle": (ONE, LINEAR, SIN, COS, RATE, DRAG, DRY),
@@ -30,11 +47,13 @@ CODES: dict[Kind, tuple[int, ...]] = {
     "size": (ONE, LINEAR, RATE),
     "amount": (ONE, LINEAR, ROOT, SQUARE),
 }
+TEMPERATURE = (ONE, LINEAR, FOURTH)  # amounts in K: Newton's cooling, and Stefan (1879): radiation goes with T^4
+COUPLED = (DIFFERENCE, OTHER_ROOT, PRODUCT)  # these take the value of another variable
 # Below this fraction of the usual speed, sign(v) changes smoothly, so that the integrator can follow it.
 TURNOVER = 0.1
 NAMES = {
     ONE: "constant", LINEAR: "linear", SIN: "sin", COS: "cos", CUBE: "cube", ROOT: "root", SQUARE: "square",
-    RATE: "rate", DRAG: "drag", DRY: "dry", SQUARE_RATE: "square_rate",
+    RATE: "rate", DRAG: "drag", DRY: "dry", SQUARE_RATE: "square_rate", FOURTH: "fourth",
 }  # fmt: skip
 # The effect that adds this term to an acceleration.
 EFFECTS = {
@@ -213,20 +232,25 @@ def _terms(
     inputs: tuple[Quantity, ...],
     partner: tuple[int, ...],
 ) -> list[Term]:
-    terms = [_term(equation, own, code, equation) for code in CODES[own.kind]]
+    codes = TEMPERATURE if own.kind == "amount" and own.state.unit == "K" else CODES[own.kind]
+    terms = [_term(equation, own, code, equation) for code in codes]
     for k, other in enumerate(variables):
-        if k in (equation, partner[equation]) or other.state.unit != own.state.unit:
+        if k in (equation, partner[equation]):
             continue
-        terms.append(_term(equation, own, DIFFERENCE, k, other.state))
+        if other.state.unit == own.state.unit:
+            terms.append(_term(equation, own, DIFFERENCE, k, other.state))
+            if own.kind == "amount" and ROOT in codes:
+                terms.append(_term(equation, own, OTHER_ROOT, k, other.state))
         if own.kind == "amount":
-            terms.append(_term(equation, own, OTHER_ROOT, k, other.state))
+            terms.append(_term(equation, own, PRODUCT, k, other.state))
     return terms + [_term(equation, own, INPUT, k, quantity) for k, quantity in enumerate(inputs)]
 
 
 def _term(equation: int, own: Variable, code: int, other: int, second: Quantity | None = None) -> Term:
     text, latex, dimension = _spelling(own, code, second)
-    label = NAMES.get(code) or {DIFFERENCE: "to", OTHER_ROOT: "root", INPUT: "input"}[code] + f"_{_name(second)}"
-    unit = _coefficient_unit(own, dimension, second if code == INPUT else None)
+    with_other = {DIFFERENCE: "to", OTHER_ROOT: "root", PRODUCT: "times", INPUT: "input"}
+    label = NAMES.get(code) or f"{with_other[code]}_{_name(second)}"
+    unit = _coefficient_unit(own, dimension, second if code in (INPUT, PRODUCT) else None)
     symbol = rf"c_{{{own.state.symbol},{label.replace('_', ' ')}}}"
     parameter = Parameter(f"{own.quantity.name}_{label}", unit, symbol, default=0.0)
     return Term(equation, code, other, parameter, text, latex, pushed=code == INPUT)
@@ -253,6 +277,8 @@ def _spelling(own: Variable, code: int, second: Quantity | None) -> tuple[str, s
         RATE: (v, y, (angle, 1)),
         DRAG: (f"|{v}| {v}", rf"|{y}|\,{y}", (2 * angle, 2)),
         DRY: (f"sign({v})", rf"\mathrm{{sign}}\,{y}", (0, 0)),
+        FOURTH: (f"{a}^4", f"{x}^4", (4, 0)),
+        PRODUCT: (f"{a} {b}", f"{x} {z}", (1, 0)),  # Lotka (1925), Volterra (1926): what meets what
         SQUARE_RATE: (f"{a}^2 {v}", rf"{x}^2 {y}", (3, 1)),  # van der Pol (1926): damping that grows with the swing
         INPUT: (b, z, (0, 0)),
         OTHER_ROOT: (f"sqrt({b})", rf"\sqrt{{{z}}}", (0.5, 0)),
@@ -261,9 +287,12 @@ def _spelling(own: Variable, code: int, second: Quantity | None) -> tuple[str, s
 
 
 def _coefficient_unit(own: Variable, dimension: tuple[float, int], per: Quantity | None) -> str:
-    """The unit that makes coefficient times term a rate of the variable; an angle has no dimension in it."""
-    base = "" if own.kind == "angle" else own.state.unit
-    power, times = (1 if base else 0) - dimension[0], own.order - dimension[1]
+    """The unit that makes coefficient times term a rate of the variable; an angle has no dimension in it.
+
+    ``per`` is what a term takes besides the variable.
+    """
+    base = "" if own.kind == "angle" or own.state.unit == "1" else own.state.unit
+    power, times = 1 - dimension[0] if base else 0, own.order - dimension[1]
     if own.kind == "size":
         base, power = own.quantity.unit, -power
     unit = unit_of(base, power, times)
@@ -335,6 +364,10 @@ def term_value(  # noqa: C901 - one line a function; a table of functions is not
         return own * own * velocity
     if code == INPUT:
         return pushed
+    if code == PRODUCT:
+        return own * other
+    if code == FOURTH:
+        return own * own * own * own
     return np.sqrt(np.maximum(other, 0.0))
 
 
@@ -355,7 +388,7 @@ def evaluated(library: Library, values: Array, rates: Array, inputs: Array | Non
         k, other = term.equation, term.other
         velocity, along = rates[:, k], rates[:, library.partner[k]]
         speed = np.abs(velocity) if library.partner[k] == k else np.hypot(velocity, along)
-        second = values[:, other] if term.code in (DIFFERENCE, OTHER_ROOT) else values[:, k]
+        second = values[:, other] if term.code in COUPLED else values[:, k]
         pushed = inputs[:, other] if term.code == INPUT and inputs is not None else values[:, k]
         columns.append(term_value(term.code, values[:, k], second, velocity, speed, pushed, library.turnover))
     return np.column_stack(columns) if columns else np.zeros((len(values), 0))

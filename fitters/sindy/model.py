@@ -10,7 +10,7 @@ import numpy as np
 from numba.extending import register_jitable
 
 from fitters.integrator.compile_rhs import NEVER_RAISES
-from fitters.sindy.library import DIFFERENCE, INPUT, OTHER_ROOT, Library, Term, bare_model, term_value
+from fitters.sindy.library import COUPLED, INPUT, Library, Term, bare_model, term_value
 from iris_sysid.types import Array, OdeModel, picklable
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -125,7 +125,7 @@ def _equation(
         slope, velocity = 0.0 * state[k], state[shift + k]
         speed = np.abs(velocity) if along == k else np.sqrt(velocity**2 + state[shift + along] ** 2)
         for index, code, second in own:
-            other = state[second] if code in (DIFFERENCE, OTHER_ROOT) else velocity
+            other = state[second] if code in COUPLED else velocity
             pushed = velocity
             if pushes:
                 pushed = inputs[second] if code == INPUT else velocity

@@ -7,8 +7,9 @@ as a function of the parameters, their coefficients. No structure is written dow
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -52,7 +53,7 @@ def key_of(library: Library, index: int) -> Key:
 
 
 def structures(library: Library) -> Iterator[Structure]:
-    """Structures of the models of the bank that observe quantities of the same kinds."""
+    """Structures of the models of the bank that observe quantities of the same kinds, by the same inputs or none."""
     kinds = tuple(variable.kind for variable in library.variables)
     models = list(MODELS.values())
     if kinds == ("position",) * len(kinds) and len(kinds) > 1:
@@ -60,6 +61,8 @@ def structures(library: Library) -> Iterator[Structure]:
     for model in models:
         structure = _structure(model)
         if structure is None or structure.library.partner != library.partner:
+            continue
+        if len(model.inputs) not in (0, len(library.inputs)):
             continue
         if tuple(variable.kind for variable in structure.library.variables) == kinds:
             yield structure
@@ -80,10 +83,10 @@ def terms_of(library: Library, name: str) -> tuple[int, ...]:
 @functools.lru_cache(maxsize=64)
 def _structure(model: OdeModel) -> Structure | None:
     """The terms of a model; None where the library cannot express it."""
-    if getattr(model, "events", ()) or model.inputs:
+    if getattr(model, "events", ()):
         return None
     try:
-        library = library_of(model.observed)
+        library = library_of(model.observed, model.inputs)
     except IrisError:
         return None
     free = tuple(parameter.name for parameter in model.parameters if not parameter.constant)
@@ -142,9 +145,13 @@ def coefficients_of(
     """
     states = _states(model, library, values)
     params = np.array([values[parameter.name] for parameter in model.parameters])
-    position, rate, slope = _along_the_flow(model, library, states, params)
+    inputs = np.random.default_rng(8).uniform(-1.0, 1.0, (SAMPLES, len(model.inputs)))
+    with np.errstate(all="ignore"):
+        position, rate, slope = _along_the_flow(model, library, states, params, inputs)
     left = slope if library.variables[0].order == 2 else rate
-    terms = evaluated(library, position + offsets, rate, None)
+    if not np.isfinite(left).all():  # a mass of zero
+        return None if strict else np.full(len(library.terms), np.inf)
+    terms = evaluated(library, position + offsets, rate, inputs)
     coefficients = np.zeros(len(library.terms))
     for equation in range(len(library.variables)):
         own = library.of_equation(equation)
@@ -167,11 +174,13 @@ def _states(model: OdeModel, library: Library, values: Mapping[str, float]) -> A
     return np.column_stack(columns)
 
 
-def _along_the_flow(model: OdeModel, library: Library, states: Array, params: Array) -> tuple[Array, Array, Array]:
-    """The library's variables with their first and second derivative in time (n, d)."""
+def _along_the_flow(
+    model: OdeModel, library: Library, states: Array, params: Array, inputs: Array
+) -> tuple[Array, Array, Array]:
+    """The library's variables with their first and second derivative in time (n, d), the inputs (n, m) held."""
 
     def flow(at: Array, step_s: float) -> Array:
-        return at + step_s * _slopes(model, at, tuple(params))
+        return at + step_s * _slopes(model, at, tuple(params), inputs)
 
     def variables(at: Array) -> Array:
         seen = plain_observation(model, np.zeros(len(at)), at, params)
@@ -186,12 +195,16 @@ def _along_the_flow(model: OdeModel, library: Library, states: Array, params: Ar
     return variables(states), first, _richardson(lambda step_s: rates(flow(states, step_s)))
 
 
-def _slopes(model: OdeModel, states: Array, params: tuple[float, ...]) -> Array:
+def _slopes(model: OdeModel, states: Array, params: tuple[float, ...], inputs: Array) -> Array:
     """Derivatives of the states (n, s): all samples at once, or one by one where the model takes numbers only."""
+
+    def rates(state: Iterable[Any], known: Iterable[Any]) -> Any:
+        return model.rhs(0.0, tuple(state), params, *([tuple(known)] if model.inputs else []))
+
     try:
-        return np.column_stack([np.broadcast_to(rate, len(states)) for rate in model.rhs(0.0, tuple(states.T), params)])
+        return np.column_stack([np.broadcast_to(rate, len(states)) for rate in rates(states.T, inputs.T)])
     except ValueError:
-        return np.array([model.rhs(0.0, tuple(state), params) for state in states.tolist()])
+        return np.array([rates(*row) for row in zip(states.tolist(), inputs.tolist(), strict=True)])
 
 
 def _richardson(function: Callable[[float], Array]) -> Array:

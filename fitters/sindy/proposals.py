@@ -22,6 +22,7 @@ from iris_sysid.types import NORMAL_975, Array, DiscoveredTerm, Estimate, FitRes
 # Powers of position and rate up to third order, without linear drag and cubic stiffness, which are named effects.
 POWERS = ((1, 0), (2, 0), (1, 1), (0, 2), (2, 1), (1, 2), (0, 3))
 LEVEL_POWERS = (0.5, 1.0, 2.0)  # powers of the level, for equations of first order
+HEAT_POWERS = (1.0, 4.0)  # of a temperature: Newton's cooling and Stefan's radiation
 RESAMPLED, SEED = 50, 0  # number of resampled data sets, the same each time
 HIDDEN = 1e-3  # fraction of a candidate's response: a smaller remainder after projection is rounding
 
@@ -98,7 +99,9 @@ def _candidates(model: OdeModel) -> list[_Candidate]:
     made = []
     for k in range(model.degrees_of_freedom):
         if not model.second_order:
-            made += [_Candidate(k, power, 0) for power in LEVEL_POWERS]
+            made += [
+                _Candidate(k, power, 0) for power in (HEAT_POWERS if model.states[k].unit == "K" else LEVEL_POWERS)
+            ]
             continue
         made += [_Candidate(k, power, times) for power, times in POWERS]
         if model.states[k].unit == "rad":

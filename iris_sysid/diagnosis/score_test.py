@@ -11,6 +11,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import combinations
+from types import MappingProxyType
 
 import numpy as np
 
@@ -172,12 +173,14 @@ class Pair:
 class Screen:
     """The score tests of one clip: how much of its residual every effect, in every shape tried, would explain.
 
-    ``scores`` by effect are those of its best shape. Of the m effects and shapes that the parameters cannot imitate:
-    ``effects`` are their names, ``shapes`` their shapes, ``directions`` (m, n * d + j) s' of unit length, ``lengths``
-    (m,) those of s', and ``components`` (m,) the residual's components.
+    ``scores`` by effect are those of its best shape, ``placed`` those in each of the shapes that clips have in common.
+    Of the m effects and shapes that the parameters cannot imitate: ``effects`` are their names, ``shapes`` their
+    shapes, ``directions`` (m, n * d + j) s' of unit length, ``lengths`` (m,) those of s', and ``components`` (m,) the
+    residual's components.
     """
 
     scores: Mapping[str, Score]
+    placed: Mapping[str, Mapping[tuple[float, ...], Score]]
     effects: tuple[str, ...]
     shapes: tuple[tuple[float, ...], ...]
     directions: Array
@@ -224,7 +227,26 @@ class Screen:
         return Pair(float(gain[i, j]), (float(sizes[0]), float(sizes[1])), (self.shapes[k], self.shapes[m]))
 
 
-def screen(effects: Sequence[Effect], fitted: FitResult, trajectory: Trajectory) -> Screen:
+def shapes_in_common(
+    effects: Sequence[Effect], fits: Sequence[FitResult], trajectories: Sequence[Trajectory]
+) -> dict[str, list[tuple[float, ...]]]:
+    """By effect that acts at the same place in all clips, the shapes that any of several clips suggests."""
+    placed = [effect for effect in effects if effect.has_one_place] if len(fits) > 1 else []
+    shapes = {effect.name: dict[tuple[float, ...], None]() for effect in placed}
+    for fitted, trajectory in zip(fits, trajectories, strict=True):
+        t_s, observed = fitted.t_s[fitted.used], (fitted.predicted + fitted.residual)[fitted.used]
+        given = trajectory.inputs_at(t_s)
+        for effect in placed:
+            shapes[effect.name] |= dict.fromkeys(shapes_tried(effect, fitted.model, t_s, observed, given))
+    return {name: list(tried) for name, tried in shapes.items()}
+
+
+def screen(
+    effects: Sequence[Effect],
+    fitted: FitResult,
+    trajectory: Trajectory,
+    common: Mapping[str, Sequence[tuple[float, ...]]] = MappingProxyType({}),
+) -> Screen:
     """Score each effect against the residual of a fit.
 
     Parameters
@@ -235,6 +257,8 @@ def screen(effects: Sequence[Effect], fitted: FitResult, trajectory: Trajectory)
         The fit without them.
     trajectory
         What it was fitted to.
+    common
+        By effect, the shapes that this clip has in common with others; without them those that it suggests.
     """
     noise, stated = unit_noise(fitted, trajectory)[fitted.used], stated_errors(fitted, trajectory)[fitted.used]
     means = block_means(Residuals(fitted, trajectory, noise, stated))
@@ -243,17 +267,21 @@ def screen(effects: Sequence[Effect], fitted: FitResult, trajectory: Trajectory)
     forces = any(effect.acceleration is not None or effect.drive is not None for effect in effects)
     motion = motion_of(fitted, trajectory) if forces else None
     observed = (fitted.predicted + fitted.residual)[fitted.used]
-    scores, rows = {}, []
+    scores, placed, rows = {}, {}, []
     given = trajectory.inputs_at(residual.t_s)
     for effect in effects:
-        shapes = shapes_tried(effect, fitted.model, residual.t_s, observed, given)
+        shapes = common.get(effect.name) or shapes_tried(effect, fitted.model, residual.t_s, observed, given)
         directions_of = partial(_directions_of, effect, residual, noise, (fitted, trajectory, motion))
         visible = _visible_directions(effect, shapes, residual.t_s, directions_of)
         rows += visible
         tried = residual.t_s.size if effect.is_placed else len(shapes)  # the best of all, whatever the start
         scores[effect.name] = residual.score(effect, visible, tried)
+        if effect.name in common:
+            meant = [each for each in visible if each.means(effect, residual.t_s)]
+            placed[effect.name] = {each.shape: residual.score(effect, [each], tried) for each in meant}
     return Screen(
         scores,
+        placed,
         tuple(row.effect for row in rows),
         tuple(row.shape for row in rows),
         np.array([row.unit for row in rows]).reshape(len(rows), residual.flat.size),
@@ -319,7 +347,8 @@ def common_size(sizes: Sequence[tuple[float, float]]) -> tuple[float, float]:
         return float("nan"), float("inf")
     weights = known[:, 1] ** -2.0
     mean = float(weights @ known[:, 0] / weights.sum())
-    scatter = float(weights @ (known[:, 0] - mean) ** 2)
+    with np.errstate(over="ignore"):
+        scatter = float(weights @ (known[:, 0] - mean) ** 2)
     return mean, float(np.sqrt(max(scatter / max(len(known) - 1, 1), 1.0) / weights.sum()))
 
 
@@ -344,6 +373,23 @@ def combined(scores: Sequence[Score]) -> Score:
         degrees=degrees,
         resolvable_size=min(score.resolvable_size for score in scores),
     )
+
+
+def in_one_shape(clips: Sequence[Screen], effect: str) -> tuple[Score, ...]:
+    """The scores of one effect, one a clip: in the shape in which a common size explains most of all the clips.
+
+    A clip in which an effect of that shape does not act says nothing of its size.
+    """
+    own = tuple(clip.scores[effect] for clip in clips)
+    shapes = dict.fromkeys(shape for clip in clips for shape in clip.placed.get(effect, ()))
+    silent = [replace(score, size=np.nan, stderr=np.nan, gain=0.0, chi2=0.0) for score in own]
+    choices = [
+        tuple(
+            clip.placed[effect].get(shape, replace(none, shape=shape)) for clip, none in zip(clips, silent, strict=True)
+        )
+        for shape in shapes
+    ]
+    return max(choices, key=lambda scores: combined(scores).gain, default=own)
 
 
 def _common_gain(scores: Sequence[Score]) -> float:

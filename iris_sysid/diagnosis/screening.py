@@ -8,7 +8,16 @@ from math import prod
 
 from fitters.ode import FitRequest
 from iris_sysid.diagnosis.refit import ModelWithEffects, Starts
-from iris_sysid.diagnosis.score_test import PARALLEL, Pair, Screen, combined, critical_value, screen
+from iris_sysid.diagnosis.score_test import (
+    PARALLEL,
+    Pair,
+    Screen,
+    combined,
+    critical_value,
+    in_one_shape,
+    screen,
+    shapes_in_common,
+)
 from iris_sysid.types import Effect, Score, chi2_isf
 
 SINGLE_LEVEL = 0.04  # probability of adding a single effect to a complete model
@@ -50,12 +59,13 @@ class Screening:
     def of(cls, library: Collection[Effect], current: ModelWithEffects, clips: Sequence[FitRequest]) -> Screening:
         """Score every effect of the library that the model does not have."""
         effects = [effect for effect in library if effect.name not in current.names]
+        common = shapes_in_common(effects, current.fits, [clip.trajectory for clip in clips])
         screens = tuple(
-            screen(effects, fitted, clip.trajectory) for fitted, clip in zip(current.fits, clips, strict=True)
+            screen(effects, fitted, clip.trajectory, common) for fitted, clip in zip(current.fits, clips, strict=True)
         )
         factors = {effect.name: tuple(current.factors(effect)) for effect in effects}
         scores = [
-            tuple(clip.scores[name].over(factor) for clip, factor in zip(screens, by_clip, strict=True))
+            tuple(score.over(factor) for score, factor in zip(in_one_shape(screens, name), by_clip, strict=True))
             for name, by_clip in factors.items()
         ]
         scores.sort(key=lambda by_clip: -combined(by_clip).gain)

@@ -67,7 +67,7 @@ class Column:
 def parse_column(header: str) -> Column:
     """Take a column's name apart; DataError explains the grammar where it does not follow it."""
     match = PATTERN.fullmatch(without_slash(header) if INPUT.fullmatch(header) is None else f"{header}_1")
-    if match is None:
+    if match is None or ("/" in header and "_" not in match["suffix"]):  # v_ft/s is not v_ft in s
         raise DataError(
             f"column {header!r:.60} is not <name>_<unit>{_nearest(header):.60}; units are {', '.join(COLUMN_UNITS)}"
         )
@@ -82,8 +82,7 @@ def without_slash(text: str) -> str:
 
 def _nearest(header: str) -> str:
     name, _, ending = header.rpartition("_")
-    spelled = {"degrees": "deg", "degree": "deg", "radians": "rad", "meters": "m", "metres": "m", "pixels": "px"}
-    close = spelled.get(ending.lower()) or next(iter(get_close_matches(ending, COLUMN_UNITS, n=1)), None)
+    close = next(iter(get_close_matches(ending, COLUMN_UNITS, n=1)), None)
     return f" (is {name}_{close} meant?)" if name and close else ""
 
 

@@ -21,7 +21,7 @@ from iris_sysid.io.json_documents import read_document
 from iris_sysid.io.rounded_times import unrounded
 from iris_sysid.io.schemas import OriginDocument, number
 from iris_sysid.io.table_cells import read_cells
-from iris_sysid.io.table_headers import example_of, parse_headers, titles_of
+from iris_sysid.io.table_headers import example_of, parse_headers, states_unit, titles_of
 from iris_sysid.types import (
     TRACK_MASKS,
     TRACK_MEASURES,
@@ -55,7 +55,6 @@ TRACK_COLUMNS = (
     *TRACK_SIGMAS,
 )
 SORTED = "sort the rows by time, without duplicates"
-UNIT_IN_BRACKETS = re.compile(r"[\[(].*[\])]")  # as no table of this project has it
 SIDE_CAR = ".origin.json"  # after the name of a table: what a CSV cannot store
 SPECIAL_COLUMNS = ("t_s", "valid", "segment")
 
@@ -228,13 +227,24 @@ def read_trajectory(path: str | Path, columns: Mapping[str, str] | None = None) 
     if columns is not None or not is_own_table(path):
         return _of_another_program(path, columns)
     sheet = read_sheet(path)
-    if any(UNIT_IN_BRACKETS.search(header) for header in sheet.columns) and not side_car_of(path).exists():
-        return _of_another_program(path, None)  # t_s, but y [V] beside it
+    if any(_foreign(header) for header in sheet.columns) and not side_car_of(path).exists():
+        return _of_another_program(path, None)  # t_s, but y [V] or v_km/h beside it
     for title, cells in sheet.columns.items():
         _refuse_groups(sheet.label, title, list(cells) if names_groups(title) else [])
     if "x_px" in sheet and ("body" in sheet or "frame" in sheet):
         raise DataError(f"{sheet.label} is a track, in pixels; it needs read_track and to_world, or iris-sysid run")
     return trajectory_of_sheet(sheet, *_read_beside(path))
+
+
+def _foreign(header: str) -> bool:
+    """Whether a column states its unit as no table of this project does."""
+    if header in SPECIAL_COLUMNS or header.startswith("cov_"):
+        return False
+    try:
+        parse_column(header)
+    except DataError:
+        return states_unit(header)
+    return False
 
 
 def _of_another_program(path: str | Path, columns: Mapping[str, str] | None) -> Trajectory:

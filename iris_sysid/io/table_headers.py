@@ -42,8 +42,12 @@ SPELLED: Mapping[str, tuple[str, float]] = {
     **dict.fromkeys(("pixel", "pixels", "pix", "pxl"), ("px", 1.0)),
     **dict.fromkeys(("volt", "volts"), ("V", 1.0)),
     **dict.fromkeys(("Nm", "N m", "N*m", "N·m"), ("N_m", 1.0)),
-    **dict.fromkeys(("°/s", "degrees/s", "grad/s"), ("deg_s", 1.0)),
+    **dict.fromkeys(("rev", "revolution", "revolutions", "turn", "turns", "umdrehungen"), ("rad", 2.0 * math.pi)),
+    "rpm": ("rad_s", math.pi / 30.0),
+    "mph": ("m_s", 0.44704),
+    **dict.fromkeys(("kmh", "kph"), ("m_s", 1.0 / 3.6)),
 }
+SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0}  # in what a rate is per
 TIMES = (
     "t",
     "time",
@@ -70,11 +74,12 @@ QUANTITIES: Mapping[str, str] = {
 MAX_TITLE = 300  # characters; a longer one is not a name with a unit
 FRAMES = ("frame", "frames", "bild", "image", "index", "step")
 BRACKETED = re.compile(r"(?P<name>.*?)\s*[\(\[]\s*(?P<unit>[^()\[\]]*?)\s*[\)\]]\s*")
-PER_SECOND = r"/s(?:\^?[23]|²)?"
-RATE = rf"(?:{PER_SECOND})?"
+PER_TIME = r"/(?:s(?:\^?[23]|²)?|min|h)"
+RATE = rf"(?:{PER_TIME})?"
 DIVIDED = re.compile(rf"(?P<name>.*?)(?:\s*/\s*|\s+in\s+)(?P<unit>[^\s/]+{RATE})\s*")
 ENDING = re.compile(rf"(?P<name>.*?)[_\s]+(?P<unit>(?![AVNKWL1]\b)[^\s/_]+{RATE})\s*")  # ball_A is not a current
-SPEED = re.compile(rf"(?P<name>.*?)[_\s]+(?P<unit>[^\s/_]+{PER_SECOND})\s*")  # v_m/s is not v_m in s
+SPEED = re.compile(rf"(?P<name>.*?)[_\s]+(?P<unit>[^\s/_]+{PER_TIME})\s*")  # v_m/s is not v_m in s
+ENDS_IN_RATE = re.compile(rf".*?(?P<unit>[^\s/_(\[]+{PER_TIME})\s*[)\]]?\s*")
 NAMED = re.compile(  # but this is
     r"(?P<name>(?:.*[_\s])?(?:force|voltage|current|power|temperature))[_\s]+(?P<unit>[AVNKW])\s*", re.IGNORECASE
 )
@@ -206,14 +211,30 @@ def _unit(text: str) -> tuple[str, float] | None:
     plain = unicodedata.normalize("NFKD", text.strip().strip("()[] ").replace("²", "^2").replace("³", "^3"))
     plain = "".join(letter for letter in plain if not unicodedata.combining(letter))
     forms = (text.strip(), plain, without_slash(plain), plain.lower())
-    return next((SPELLED[form] for form in forms if form in SPELLED), None)
+    return next((SPELLED[form] for form in forms if form in SPELLED), None) or _rate(plain)
+
+
+def _rate(text: str) -> tuple[str, float] | None:
+    """The same of a spelled unit per s, min or h: ``km/h``."""
+    above, _, below = text.rpartition("/")
+    base, seconds = SPELLED.get(above) or SPELLED.get(above.lower()), SECONDS.get(below.lower())
+    if base is None or seconds is None or f"{base[0]}_s" not in SUFFIXES:
+        return None
+    return f"{base[0]}_s", base[1] / seconds
+
+
+def states_unit(title: str) -> bool:
+    """Whether a title states a unit, as this project's tables or any program spell it."""
+    return _taken_apart(title)[1] is not None
 
 
 def _taken_apart(title: str) -> tuple[str, tuple[str, float] | None]:
     """Name and unit of a title; no unit where none can be told."""
     if len(title) > MAX_TITLE:
         return title, None
-    title = title.rpartition("/")[2] if "/" in title and _unit(title.rpartition("/")[2]) is None else title
+    rated = ENDS_IN_RATE.fullmatch(title)
+    if "/" in title and _unit(title.rpartition("/")[2]) is None and not (rated and _unit(rated["unit"])):
+        title = title.rpartition("/")[2]
     for pattern in (OWN, NAMED, BRACKETED, SPEED, DIVIDED, ENDING):
         match = pattern.fullmatch(title)
         unit = _unit(match["unit"]) if match and match["name"] else None
@@ -234,26 +255,29 @@ def _plain(name: str) -> str:
 def _guessed(cells: Cells, titles: Sequence[str], time: Meaning | None = None) -> list[Meaning]:
     """The time and every numeric column with a unit; DataError where that leaves no time or nothing to fit.
 
-    An input needs no unit, and beside one an output y, y1, ... neither.
+    An input needs no unit, and beside one an output y, y1, ... neither. A speed or an acceleration is read where
+    nothing else is measured.
     """
     numeric = _numeric(cells, titles)
     time = time or _time(cells, titles, numeric)
     driven = any(INPUT.fullmatch(_plain(_taken_apart(titles[k])[0])) for k in numeric)
-    meanings, unknown = [time], []
+    meanings: list[Meaning] = [time]
+    rates: list[Meaning] = []
+    unknown: list[str] = []
     for k in numeric:
         name, unit = _taken_apart(titles[k])
         if k == time.column or _plain(name) in (*TIMES, *FRAMES) or not name:
             continue
         if unit is None and driven and RECORDED.fullmatch(_plain(name)):
             unit = ("1", 1.0)
-        if unit is None or unit[0] not in COLUMN_UNITS:
-            unknown += [titles[k]] if unit is None else []  # a speed or an acceleration is read where it is requested
-            continue
         named = QUANTITIES.get(_plain(name), _plain(name))
-        if not re.match(r"[a-z]", named) or any(meaning.name == named for meaning in meanings):
+        kept = meanings if unit is None or unit[0] in COLUMN_UNITS or INPUT.fullmatch(named) else rates
+        if unit is None or not re.match(r"[a-z]", named) or any(meaning.name == named for meaning in kept):
             unknown.append(titles[k])
             continue
-        meanings.append(Meaning(k, named, *unit))
+        kept.append(Meaning(k, named, *unit))
+    if all(meaning is time or INPUT.fullmatch(meaning.name) for meaning in meanings):
+        meanings += rates
     if len(meanings) > 1:
         return _upwards(meanings)
     wanted = ", ".join(f"{title!r:.40}" for title in unknown[:4]) or "none besides the time"
@@ -407,10 +431,11 @@ def _one_stated(cells: Cells, titles: Sequence[str], name: str, title: str) -> M
 
 
 def _column(cells: Cells, titles: Sequence[str], wanted: str) -> int:
-    """The column of a title, of its name without the unit, or of its number from 1."""
+    """The column of a title, of its name without the unit, of a field of a structure, or of its number from 1."""
     same = [k for k, title in enumerate(titles) if title == wanted]
     same = same or [k for k, title in enumerate(titles) if title.casefold() == wanted.casefold()]
     same = same or [k for k, title in enumerate(titles) if _plain(_taken_apart(title)[0]) == _plain(wanted)]
+    same = same or [k for k, title in enumerate(titles) if title.casefold().endswith(f".{wanted.casefold()}")]
     if not same and wanted.isdigit() and 1 <= int(wanted) <= len(titles):
         return int(wanted) - 1
     if len(same) == 1:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
@@ -78,6 +79,12 @@ class Score:
         shifts = {name: factor * shift for name, shift in self.shifts.items()}
         sizes = {name: getattr(self, name) / factor for name in ("size", "stderr", "resolvable_size")}
         return replace(self, shifts=shifts, **sizes)
+
+
+def _left_open(fitted: FitResult) -> set[str]:
+    """The free values that the data of a fit do not determine."""
+    found = fitted.estimates
+    return {name for name in fitted.free if name in found and not math.isfinite(found[name].stderr)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,7 +192,7 @@ class Diagnosis(Shown):
     @property
     def verdict(self) -> Verdict:
         """Whether the values with the effects can be used, and whether the equation with them is complete."""
-        fits = worst_verdict(final.verdict for final in self.finals)
+        fits = worst_verdict(final.verdict for final in self._telling)
         accuracy = {**fits.accuracy, **relative_errors(self.sizes, fits.accuracy)}  # a size allows for further effects
         lacks = self.incomplete or self._lacking is not None
         if lacks:
@@ -200,6 +207,14 @@ class Diagnosis(Shown):
             unsure += imprecise(accuracy, complete=equation is None or equation.complete)
         word: VerdictWord = "doubtful" if unsure and fits.good else fits.word
         return Verdict(word, (*found, *unsure, *last), equation, accuracy)
+
+    @property
+    def _telling(self) -> list[FitResult]:
+        """The fits with the effects, without those of clips in which an effect that others tell does not act."""
+        of_effects = {parameter.name for effect in self.added for parameter in effect.parameters}
+        known = (item for final in self.finals for item in final.estimates.items())
+        told = {name for name, estimate in known if math.isfinite(estimate.stderr)}
+        return [final for final in self.finals if not _left_open(final) or not _left_open(final) <= of_effects & told]
 
     @property
     def _left(self) -> tuple[Component, ...]:

@@ -356,6 +356,12 @@ class Effect(Portable):
         return located and self.nearby is not None
 
     @property
+    def has_one_place(self) -> bool:
+        """Whether the place or the level at which it acts is fitted, and the same in all clips."""
+        located = any(parameter.role == "location" and not parameter.constant for parameter in self.parameters)
+        return located and self.recurrence == "always"
+
+    @property
     def has_fixed_form(self) -> bool:
         """Whether only its size is fitted, perhaps with a moment that is chosen: no wrong form is to be made up for."""
         return sum(not parameter.constant for parameter in self.parameters) == 1

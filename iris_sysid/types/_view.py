@@ -18,7 +18,7 @@ ViewKind = Literal["angle", "line", "plane"]
 PivotSource = Literal["marked", "arc", "arc-of-known-radius"]
 Pair = tuple[float, float]
 
-NO_PLACE = ("1", "V")  # units of a brightness and of a voltage
+PLACES = ("m", "px", "rad", "")  # units of what has a place in an image; none may be any
 FILLED = 0.6  # of the picture's height, which a motion takes that nothing is known of
 WIDTH_OVER_HEIGHT = 16 / 9
 FOCAL_PER_WIDTH = 26 / 36  # a phone's main camera: 26 mm equivalent on 36 mm of film
@@ -190,11 +190,11 @@ class View:
 def kind_of(quantities: Sequence[Quantity]) -> ViewKind | None:
     """What a view of these quantities is: an angle, a way along a line, or x and z.
 
-    None for what has no place in an image: a brightness, a voltage, the radius r of a body's outline; and for several
-    bodies.
+    None for what has no place in an image: a brightness, a voltage, a speed, a temperature, the radius r of a body's
+    outline; and for several bodies.
     """
     if len(quantities) == 1:
-        if quantities[0].unit in NO_PLACE or quantities[0].name == "r":
+        if quantities[0].unit not in PLACES or quantities[0].name == "r":
             return None
         return "angle" if quantities[0].unit == "rad" else "line"
     return "plane" if [quantity.name for quantity in quantities] == ["x", "z"] else None

@@ -78,6 +78,13 @@ def test_equations_in_text_are_fitted_without_a_start(text, rates, start, second
     assert_found(fit(clip(rates, start, t_s, Quantity("x", "m"), 5e-3), model_from_equation(text)), **truth)
 
 
+def test_parameter_of_any_size_is_fitted_without_a_start():
+    """Radiation (Stefan 1879) in SI units: the rate is linear in a coefficient of 1e-11, which is solved for."""
+    cooling = lambda t, y: [-1.2e-11 * (y[0] ** 4 - 293.0**4)]  # noqa: E731
+    hot = clip(cooling, [900.0], np.arange(0.0, 1800.0, 5.0), Quantity("T", "K"), 0.5)
+    assert_found(fit(hot, model_from_equation("T' = -k*(T^4 - Te^4)")), k=1.2e-11, Te=293.0)
+
+
 def test_hidden_state_is_fitted_without_a_start():
     def tanks(t, levels):
         first, second = np.sqrt(np.maximum(levels, 0))

@@ -6,6 +6,7 @@ import numpy as np
 import pysindy
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.linalg import expm
 from scipy.optimize import curve_fit
 
 from fitters.ode import simulate
@@ -129,6 +130,48 @@ def test_known_input_enters_the_equation():
     push_found = next(term for term in discovery.selected if term.term == "u")
     assert push_found.coefficient.value == pytest.approx(2.0, rel=0.01)
     assert push_found.coefficient.unit == "m/s^2/V"
+
+
+def test_spring_that_a_known_force_pushes_is_the_model_of_the_bank():
+    discovery = discover(driven_spring(), resampled=5)
+    assert discovery.matched.model == "driven-oscillator"
+    for name, true in (("mass", 0.5), ("damping", 0.15), ("stiffness", 2.0)):
+        assert discovery.matched.parameters[name].value == pytest.approx(true, rel=0.01)
+
+
+def driven_spring():
+    """A mass of 0.5 kg on a spring of 2 N/m, pushed by a force that is held for half a second, exact between jumps."""
+    t_s = np.arange(1200) / 40
+    force = np.repeat(np.random.default_rng(1).uniform(-1.0, 1.0, 60), 20)[:, None]
+    states = [np.array([0.2, 0.0, 0.0])]
+    for push in force[:-1, 0]:
+        states[-1][2] = push
+        states.append(expm(np.array([[0.0, 1.0, 0.0], [-4.0, -0.3, 2.0], [0.0, 0.0, 0.0]]) / 40) @ states[-1])
+    driven = {"input_quantities": (Quantity("u", "N", "u"),), "inputs": force, "hold": "zero-order"}
+    return seen(t_s, np.array(states)[:, 0], Z, **driven)
+
+
+def test_hares_and_lynxes_meet_in_products():
+    """Lotka (1925) and Volterra (1926), integrated by SciPy: two numbers without a unit, of first order."""
+    t_s, names = np.arange(400) / 10, (Quantity("hare", "", "h"), Quantity("lynx", "", "l"))
+    slopes = lambda t, y: [0.6 * y[0] - 0.03 * y[0] * y[1], 0.02 * y[0] * y[1] - 0.8 * y[1]]  # noqa: E731
+    numbers = solve_ivp(slopes, (0.0, 40.0), [30.0, 10.0], "DOP853", t_s, rtol=1e-10, atol=1e-10).y.T
+    discovery = discover(seen(t_s, numbers, *names, noise=0.2), resampled=5)
+    assert selected(discovery) == {"hare_linear", "hare_times_lynx", "lynx_linear", "lynx_times_hare"}
+    assert {term.coefficient.unit for term in discovery.selected} == {"1/s"}
+    meeting = next(term for term in discovery.selected if term.parameter == "hare_times_lynx")
+    assert meeting.coefficient.value == pytest.approx(-0.03, rel=0.01)
+
+
+def test_hot_body_that_radiates_cools_with_the_fourth_power():
+    """Stefan (1879), integrated by SciPy: a coefficient of 1e-11 in SI units is found like any other."""
+    t_s = np.arange(0.0, 1800.0, 5.0)
+    cooling = solve_ivp(lambda t, y: -1.2e-11 * (y**4 - 293.0**4), (0.0, 1800.0), [900.0], "DOP853", t_s, rtol=1e-10)
+    discovery = discover(seen(t_s, cooling.y[0], Quantity("T", "K", "T"), noise=0.5), resampled=20)
+    assert selected(discovery) == {"T_constant", "T_fourth"}
+    fourth = next(term for term in discovery.selected if term.parameter == "T_fourth")
+    assert fourth.coefficient.value == pytest.approx(-1.2e-11, rel=0.005)
+    assert fourth.inclusion > 0.9
 
 
 def test_position_that_a_sensor_reads_in_volts_has_an_equation_of_second_order():

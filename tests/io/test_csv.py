@@ -403,7 +403,7 @@ BAD_TABLES = [
     ("t_s,t_s,theta_rad\n0,1,2\n", "two columns 't_s'"),
     ("t_s,theta_rad,theta_deg\n0,1,2\n1,1,2\n", "theta_rad and theta_deg hold the same; delete one"),
     ("t_s,theta\n0,1\n", "column 'theta' is not <name>_<unit>; units are rad, deg"),
-    ("t_s,theta_degrees\n0,1\n", "'theta_degrees' is not <name>_<unit> .is theta_deg meant"),
+    ("t_s,theta_degr\n0,1\n", "'theta_degr' is not <name>_<unit> .is theta_deg meant"),
     ("t_s,x_furlong\n0,1\n", "'x_furlong' is not <name>_<unit>"),
     ("t_s," + "x" * 100_000 + "_m2s\n0,1\n", "column 'x+ is not <name>_<unit> .is x+"),
     ("t_s,x_m,comment\n0,1,hello\n", "column 'comment' is not <name>_<unit>"),

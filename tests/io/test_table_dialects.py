@@ -7,6 +7,7 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
+from scipy.io import savemat
 
 from iris_sysid import Quantity, read_trajectory
 from iris_sysid.errors import DataError
@@ -233,3 +234,38 @@ def test_long_cell_is_read_or_refused_in_time_that_grows_with_its_length(tmp_pat
 def test_columns_that_are_shown_as_an_example_are_outputs_not_inputs(tmp_path):
     (tmp_path / "t.csv").write_text("t_s,u_V,y_V\n0,1,0\n1,1,1\n2,1,2\n")
     assert columns_for(tmp_path / "t.csv", [Quantity("z", "m")]) == {"t": "t_s", "z[m]": "y_V"}
+
+
+@pytest.mark.parametrize(
+    ("header", "unit", "factor"),
+    [
+        ("Zeit (s),v (km/h)", "m/s", 1 / 3.6),
+        ("t_s,v_km/h", "m/s", 1 / 3.6),
+        ("time,speed_mph", "m/s", 0.44704),
+        ("t_s,n_rpm", "rad/s", np.pi / 30),
+        ("t / s,n / rev/min", "rad/s", np.pi / 30),
+        ("t_s,u_V,v_ft/s", "m/s", 0.3048),
+        ("t_s,s_ft", "m", 0.3048),
+        ("t_s,x_in", "m", 0.0254),
+    ],
+)
+def test_speeds_and_lengths_are_read_in_the_units_of_people(tmp_path, header, unit, factor):
+    columns = [T_S, *[THETA] * header.count(",")]
+    (tmp_path / "table.csv").write_text(f"{header}\n{rows(*columns)}")
+    read = read_trajectory(tmp_path / "table.csv")
+    assert [quantity.unit for quantity in read.quantities] == [unit]
+    np.testing.assert_allclose(read.position[:, 0], factor * THETA, rtol=1e-12)
+    assert any("column" in line for line in read.origin["read_as"])
+
+
+def test_speed_beside_a_position_is_left_to_the_position(tmp_path):
+    (tmp_path / "table.csv").write_text("Time (s),x (m),v (km/h)\n" + rows(T_S, THETA, DEG))
+    assert [quantity.name for quantity in read_trajectory(tmp_path / "table.csv").quantities] == ["x"]
+
+
+def test_field_of_a_structure_is_named_by_its_last_name(tmp_path):
+    savemat(tmp_path / "rig.mat", {"data": {"u": T_S[None], "counts": np.arange(12, dtype=np.int32)[None], "Ts": 0.04}})
+    read = read_trajectory(tmp_path / "rig.mat", {"u[V]": "u", "phi[0.5 rad]": "counts"})
+    np.testing.assert_allclose(read.position[:, 0], 0.5 * np.arange(12))
+    np.testing.assert_allclose(read.inputs[:, 0], T_S)
+    np.testing.assert_allclose(read.t_s, T_S)
