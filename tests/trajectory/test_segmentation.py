@@ -295,6 +295,18 @@ def test_longest_stretch_between_contacts_is_the_motion_of_any_kind():
     assert "velocity jumps by 160 px/s at 1 s" in reason(got) or "velocity jumps by 1" in reason(got)
 
 
+def test_the_whole_motion_begins_where_a_hold_ends_and_goes_on_over_its_bounces():
+    t_s = np.arange(300) / 120
+    ball, _ = bouncing_ball(t_s[:180], 150.0, 1500.0)
+    world = in_plane(t_s, np.concatenate([np.tile(ball[0], (120, 1)), ball]), 0.1, rng=np.random.default_rng(1))
+    at_rest = segment(world, kind="whole")
+    assert 118 <= motion(at_rest)[0] <= 130
+    assert motion(at_rest)[1] >= 295
+    in_a_hand = segment(world, hand=np.arange(300) < 120, kind="whole")
+    assert spans(in_a_hand, "hand") == [(0, 120)]
+    assert motion(in_a_hand)[0] == 120
+
+
 def test_segments_are_in_order_and_do_not_overlap():
     t_s = np.arange(400) / 240
     ball, _ = bouncing_ball(t_s, 150.0, 1500.0)
@@ -325,7 +337,7 @@ MOVING = in_plane(np.arange(60) / 30, np.column_stack([np.arange(60.0), np.zeros
         (MOVING.with_(valid=np.zeros(60, bool)), {}, "none of the 60 samples is valid"),
         (MOVING, {"hand": np.ones(60, bool)}, "in a hand in all of the 60 samples"),
         (MOVING, {"hand": np.ones(59, bool)}, r"hand must have shape \(60,\)"),
-        (MOVING, {"kind": "jump"}, "there are oscillation, slide, flight and any"),
+        (MOVING, {"kind": "jump"}, "there are oscillation, slide, flight, any, whole"),
         (
             MOVING.with_(position=np.full((60, 2), 7.0)),
             {},
