@@ -387,6 +387,17 @@ def test_a_flight_ends_where_a_net_takes_the_ball_though_a_bounce_follows_at_onc
     assert 18 <= stop <= 20
 
 
+@pytest.mark.parametrize("rate_hz", [60, 240])
+def test_a_flight_begins_where_the_hand_that_leads_it_lets_go(rate_hz):
+    t_s = np.arange(1.5 * rate_hz) / rate_hz - 0.25
+    led = np.expm1(np.minimum(t_s, 0.0) / 0.25)
+    way = np.where(t_s < 0, led, 0.0)[:, None] * [75.0, 125.0] + np.maximum(t_s, 0.0)[:, None] * [300.0, 500.0]
+    way[:, 1] -= 500.0 * np.maximum(t_s, 0.0) ** 2
+    start, stop = motion(segment(in_plane(t_s, way, 0.1, rng=np.random.default_rng(1)), kind="flight"))
+    assert abs(t_s[start]) < 0.02
+    assert stop == t_s.size
+
+
 def test_a_long_roll_on_the_floor_is_no_flight():
     flight, t_s = thrown((14, 250.0, 100.0)), np.arange(90) / 30
     roll = np.column_stack([150.0 * t_s - 12.0 * t_s**2, -2.0 * t_s**2]) + flight[-1] + [8.0, -6.0]
