@@ -185,7 +185,7 @@ def _nothing_moves(world: Trajectory, held: Mask, resting: list[Stretch]) -> str
         return f"the body does not move: {resting[0].begin}; choose another part of the clip or another body"
     return (
         f"the body is in a hand in all of the {int((world.valid & held).sum())} samples in which it was found; "
-        "does something else touch the edge of the image? give --roi or --start and --stop"
+        "is that something else at the edge of the image? mark the body: --mark 1=x,y@frame, or give --roi or --start"
     )
 
 

@@ -335,7 +335,7 @@ MOVING = in_plane(np.arange(60) / 30, np.column_stack([np.arange(60.0), np.zeros
     ("world", "options", "message"),
     [
         (MOVING.with_(valid=np.zeros(60, bool)), {}, "none of the 60 samples is valid"),
-        (MOVING, {"hand": np.ones(60, bool)}, "in a hand in all of the 60 samples"),
+        (MOVING, {"hand": np.ones(60, bool)}, "in a hand in all of the 60 samples.* --mark 1=x,y@frame"),
         (MOVING, {"hand": np.ones(59, bool)}, r"hand must have shape \(60,\)"),
         (MOVING, {"kind": "jump"}, "there are oscillation, slide, flight, any, whole"),
         (
