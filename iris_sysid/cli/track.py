@@ -105,9 +105,9 @@ def track(
     tracks = one_clip.from_source(tracks, video, recorded, complete=opened.complete)
     csv_write.write_track(tracks, output, overwrite=force)
     if world is not None and calibration is not None:
-        from iris_sysid.calibration.pixel_scale import to_world
+        from iris_sysid.trajectory.observables import world_in_motion
 
-        bodies_in_m = {body.body: to_world(body, calibration) for body in tracks}
+        bodies_in_m = {body.body: world_in_motion(body, calibration) for body in tracks}
         csv_write.write_worlds(bodies_in_m, world, overwrite=force)
     if sheet is not None:
         from iris_sysid.report.candidates_sheet import write_candidates

@@ -3,6 +3,11 @@
 Residuals about an arc or a board are not white: the lens, the perspective and a cord that swings out of the plane make
 them vary slowly. The covariance of each fit is therefore that of white residuals times ``(1 + rho) / (1 - rho)`` with
 their correlation rho from one sample to the next (Bayley and Hammersley 1946, J. R. Stat. Soc. Suppl. 8, 184, eq. 5).
+
+A background that is seen beside the body displaces it at each place alike, swing after swing, which no correlation from
+one sample to the next shows. The covariance of an arc allows for a displacement that varies smoothly along it, of the
+size and the width that the residuals show (restricted maximum likelihood, Patterson and Thompson 1971, Biometrika 58,
+545).
 """
 
 from __future__ import annotations
@@ -19,6 +24,9 @@ from iris_sysid.types import Array, Estimate, Mask, Trajectory
 
 NORMAL_MAD = 1.4826  # median absolute deviation to standard deviation of a normal
 OUTLYING = 5.0  # standard deviations: a normal residual exceeds it once in two million samples
+PLACES = 30  # parts of an arc, whose mean residuals tell how it displaces a body
+WIDTHS = (0.03, 0.06, 0.12, 0.25)  # of an arc, to try: how far a displacement reaches
+SIZES = np.concatenate([[0.0], np.geomspace(0.05, 20.0, 14)])  # of a displacement, over the scatter at a place, to try
 TURNS = 10  # rounds of rejecting outliers; two or three are usual
 DETERMINED = 3.0  # standard errors by which the curvature must differ from zero
 NEAR_THE_TOP = 2.6  # rad; below it no full turn is possible, and a gap must not be unwrapped as one
@@ -203,6 +211,8 @@ def _circle(shape: Array, scaled: Array, belongs: Mask, free: bool, anchor: Arra
     spread = variance * np.linalg.inv(jacobian.T @ jacobian)
     if free and shape[2] < DETERMINED * np.sqrt(spread[2, 2]):
         _refuse(shape[2] / size, float(np.sqrt(spread[2, 2])) / size)
+    away = (scaled[belongs] - _centre(shape)[:2]) @ np.array([1.0, 1.0j])
+    spread = spread + _by_place(np.angle(-away * np.exp(-1j * shape[0])), residual, jacobian)
     if np.sin(shape[0]) < 0:
         raise DataError(
             "the arc bends downwards, its centre lies below it: is it a pendulum, and is down really down in the image?"
@@ -218,6 +228,49 @@ def _circle(shape: Array, scaled: Array, belongs: Mask, free: bool, anchor: Arra
         size * float(np.sqrt(residual @ residual / max(residual.size - parameters, 1))),
         belongs,
     )
+
+
+def _by_place(place: Array, residual: Array, jacobian: Array) -> Array:
+    """What displacements that belong to the places (n,) along an arc add to the covariance (p, p) of its shape.
+
+    Places are angles in rad; ``residual`` (n,) and ``jacobian`` (n, p) are of the least squares. Mean residuals of
+    parts of the arc are a smooth displacement and independent errors of the samples; what the shape itself absorbs of
+    either is allowed for.
+    """
+    part = np.minimum((PLACES * (place - place.min()) / np.ptp(place)).astype(int), PLACES - 1)
+    count = np.bincount(part, minlength=PLACES)
+    seen = count > 0
+    if residual.size <= 2 * seen.sum() or seen.sum() <= 2 * jacobian.shape[1]:
+        return np.zeros((jacobian.shape[1],) * 2)
+
+    def mean(values: Array) -> Array:
+        return np.bincount(part, values, PLACES)[seen] / count[seen]
+
+    middle, level = mean(place), mean(residual)
+    slope = np.column_stack([mean(column) for column in jacobian.T])
+    within = residual - np.bincount(part, residual, PLACES)[part] / count[part]
+    scatter = float(within @ within) / (residual.size - seen.sum()) * inflation(within)
+    apart = (middle[:, None] - middle) / np.ptp(place)
+    best, displaced = -np.inf, np.zeros_like(apart)
+    for width in WIDTHS:
+        smooth = np.exp(-0.5 * (apart / width) ** 2)
+        for amount in SIZES:
+            covariance = scatter * (amount**2 * smooth + np.diag(1.0 / count[seen]))
+            likelihood = _restricted_likelihood(level, slope, covariance) - (amount > 0)
+            if likelihood > best:
+                best, displaced = likelihood, scatter * amount**2 * smooth
+    gain = np.linalg.inv(jacobian.T @ jacobian) @ (slope * count[seen, None]).T
+    return np.asarray(gain @ displaced @ gain.T)
+
+
+def _restricted_likelihood(values: Array, slope: Array, covariance: Array) -> float:
+    """Logarithm of the likelihood of what a linear fit leaves of values (n,), without a constant."""
+    factor = np.linalg.cholesky(covariance)
+    white, columns = np.linalg.solve(factor, values), np.linalg.solve(factor, slope)
+    orthogonal, triangle = np.linalg.qr(columns)
+    left = white - orthogonal @ (orthogonal.T @ white)
+    logarithms = np.log(np.diag(factor)).sum() + np.log(np.abs(np.diag(triangle))).sum()
+    return -0.5 * float(left @ left) - float(logarithms)
 
 
 def _refuse(curvature: float, stderr: float) -> None:

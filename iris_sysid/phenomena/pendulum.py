@@ -24,6 +24,7 @@ from iris_sysid.types import Array, BenchmarkClass, Estimate, FitResult, Mask, P
 TAUT = 3  # consecutive samples on the arc after which the cord counts as taut
 RADIUS = ("arc_radius", "length")  # settings that give the arc's radius, in order of preference
 CONTRADICTED, ALIKE = 3.0, 0.2  # standard errors and share of the arc's radius by which a length may differ from it
+BOB = 0.1  # radius over length of a bob whose size is not stated: of a phone, a bottle or a ball at home
 FASTEST = 0.95  # quantile of the rates that stands for the largest one: a single rate may be an error
 
 
@@ -151,16 +152,21 @@ def refine(fit: FitResult, trajectory: Trajectory) -> Mapping[str, Estimate]:
     """Take the arc's radius from the period where that is more precise than the arc, and the unit is m.
 
     On a short arc the radius is poorly known, but a bob on a taut cord moves at its pendulum's length from the
-    pivot; the ball's own inertia changes that by less than (2/3) (ball radius / length)^2. A length that the arc
+    pivot, but for its own inertia: (2/5) (ball radius / length)^2, which is in the error. A length that the arc
     contradicts is that of a wrong scale or clock, and not taken.
     """
     radius, length = trajectory.geometry["arc_radius"], fit.estimates["length"]
     known = radius.measurement_type == "direct" or radius.unit != "m" or not fit.usable
-    if known or not length.stderr / length.value < radius.stderr / radius.value:
+    if known or not length.value > 0:
+        return {}
+    ball = trajectory.geometry.get("ball_radius")
+    inertia_m = 0.4 * (BOB * length.value if ball is None else ball.value) ** 2 / length.value
+    stderr = math.hypot(length.stderr, inertia_m)
+    if not stderr / length.value < radius.stderr / radius.value:
         return {}
     if abs(length.value - radius.value) > CONTRADICTED * radius.stderr + ALIKE * radius.value:
         return {}
-    return {"arc_radius": Estimate(length.value, length.stderr, "m", "derived", "the period, for a bob on a taut cord")}
+    return {"arc_radius": Estimate(length.value, stderr, "m", "derived", "the period, for a bob on a taut cord")}
 
 
 PHENOMENON = Phenomenon(

@@ -49,7 +49,7 @@ def flights(body: BodyMotion, stretch: Stretch) -> list[Stretch]:
     """The stretch, or its parts if it breaks: at a touch too soft, too hidden or too near to another for a jump.
 
     It may break where two parabolas, one on either side, leave the least sum of squares. It does if it follows no
-    parabola itself, or if the velocities of the two differ there as at an impact.
+    parabola itself, if the velocities of the two differ there as at an impact, or if a hand leads it until then.
     """
     inside = body.part(stretch.start, stretch.stop)
     breaks = range(MIN_SAMPLES, inside.index.size - MIN_SAMPLES + 1)
@@ -58,7 +58,8 @@ def flights(body: BodyMotion, stretch: Stretch) -> list[Stretch]:
     stride = 1 + len(breaks) // MAX_BREAKS
     near = _best_break(inside, breaks[::stride])
     k = _best_break(inside, breaks[max(near - MIN_SAMPLES - stride + 1, 0) : near - MIN_SAMPLES + stride])
-    if (is_parabola(inside) or _is_noise(inside)) and not _is_struck(inside, k):
+    one_course = is_parabola(inside) or _is_noise(inside)
+    if one_course and not _is_struck(inside, k) and not _is_led(inside, k):
         return [stretch]
     sample, reason = int(inside.index[k]), f"its course breaks at {inside.stamp_s[k - 1 : k + 1].mean():.3g} s"
     before, after = replace(stretch, stop=sample, end=reason), replace(stretch, start=sample, begin=reason)
@@ -90,6 +91,14 @@ def _is_struck(inside: BodyMotion, k: int) -> bool:
     jump = float(np.hypot.reduce(after[0, 1] - before[0, 1]))
     error = float(np.hypot(gain_before[0, 1], gain_after[0, 1]) * scatter)
     return jump > max(smallest_jump(inside), SIGNIFICANT * error)
+
+
+def _is_led(inside: BodyMotion, k: int) -> bool:
+    """Whether it rises faster and faster before sample ``k``, as nothing does that gravity and drag slow."""
+    before = inside.only(np.arange(inside.index.size) < k)
+    fitted, gain, _ = _parabola(before)
+    faster = fitted[2, -1] > SIGNIFICANT * gain[2] * inside.scale[-1]
+    return bool(faster and before.position[-1, -1] > before.position[0, -1])
 
 
 def _is_noise(inside: BodyMotion) -> bool:

@@ -71,6 +71,15 @@ def segmented(track: Track, calibration: Calibration, phenomenon: Phenomenon) ->
     return world.with_(segments=away.segments, valid=away.valid)
 
 
+def world_in_motion(track: Track, calibration: Calibration) -> Trajectory:
+    """X and z of one body, labelled by where a hand holds it, it rests and it moves; not labelled where none moves."""
+    world = to_world(track, calibration)
+    try:
+        return segment(world, hand=track.hand, kind="whole")
+    except DataError:
+        return world
+
+
 def observed(phenomenon: Phenomenon, world: Sequence[Trajectory], known: Mapping[str, Estimate]) -> Trajectory:
     """What a phenomenon observes of the bodies, x and z in m or px with segments, and of ``known`` values by name.
 

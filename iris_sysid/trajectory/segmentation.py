@@ -7,6 +7,7 @@ so the same constants serve a webcam and a 4K clip. They are quantiles, not sett
 from __future__ import annotations
 
 from itertools import pairwise
+from typing import get_args
 
 import numpy as np
 
@@ -44,6 +45,7 @@ def segment(world: Trajectory, *, hand: Mask | None = None, kind: MotionKind = "
       where its course breaks.
     - ``slide``: along a straight line, monotone, from where it is slowest to where it leaves the line; the first that
       falls and is at least half as long as the longest, which the foot of the board ends.
+    - ``whole``: the longest between hands and rests, with its impacts.
 
     What comes before it is ``release`` and what follows ``contact``. A single sample that disagrees with neighbours
     which agree with one another is marked not valid, and the reason of the motion says so. Where frames were lost the
@@ -68,8 +70,8 @@ def segment(world: Trajectory, *, hand: Mask | None = None, kind: MotionKind = "
     DataError
         When no sample is valid, the body is in a hand or at rest throughout, or ``hand`` has the wrong length.
     """
-    if kind not in ("oscillation", "slide", "flight", "any"):
-        raise DataError(f"kind = {kind!r}: there are oscillation, slide, flight and any")
+    if kind not in get_args(MotionKind):
+        raise DataError(f"kind = {kind!r}: there are {', '.join(get_args(MotionKind))}")
     if not world.valid.any():
         raise DataError(f"none of the {world.n} samples is valid: the body was not found in any frame")
     held = _held(frozen_mask(np.zeros(world.n) if hand is None else hand, world.n, "hand"))
@@ -79,7 +81,7 @@ def segment(world: Trajectory, *, hand: Mask | None = None, kind: MotionKind = "
     free = _between_hands(world, held)
     resting = [rest for part in free for rest in rests(body, part)]
     moving = [gap for part in free for gap in between(part, resting)]
-    stretches, impacts = split_at_impacts(body, moving)
+    stretches, impacts = (moving, []) if kind == "whole" else split_at_impacts(body, moving)
     if kind == "flight":
         stretches = [flight for stretch in stretches for flight in flights(body, stretch)]
     motion = _choose(body, stretches, kind)
@@ -183,7 +185,7 @@ def _nothing_moves(world: Trajectory, held: Mask, resting: list[Stretch]) -> str
         return f"the body does not move: {resting[0].begin}; choose another part of the clip or another body"
     return (
         f"the body is in a hand in all of the {int((world.valid & held).sum())} samples in which it was found; "
-        "does something else touch the edge of the image? give --roi or --start and --stop"
+        "is that something else at the edge of the image? mark the body: --mark 1=x,y@frame, or give --roi or --start"
     )
 
 

@@ -21,7 +21,7 @@ from iris_sysid.types._view import Sensor, View
 if TYPE_CHECKING:
     import pandas as pd
 
-MotionKind = Literal["oscillation", "slide", "flight", "any"]
+MotionKind = Literal["oscillation", "slide", "flight", "any", "whole"]
 SegmentLabel = Literal["hand", "release", "motion", "contact", "rest"]
 Hold = Literal["linear", "zero-order"]  # how an input varies between samples
 

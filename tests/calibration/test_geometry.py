@@ -38,6 +38,23 @@ def test_pull_of_centre_and_radius_is_one(amplitude_deg):
     assert np.all(np.abs(np.mean(pulls, axis=0)) < 0.4)
 
 
+def test_pull_allows_for_a_background_that_displaces_the_body_alike_at_each_place():
+    rng, pulls = np.random.default_rng(8), []
+    angle = 0.5 * SWING
+    for _ in range(60):
+        waves, phases = rng.standard_normal((2, 8)), rng.uniform(0, 2 * np.pi, (2, 8))
+        displaced = [
+            np.sum(
+                [size * np.cos(k * angle / 0.12 + phase) for k, (size, phase) in enumerate(zip(*axis, strict=True))], 0
+            )
+            for axis in zip(waves, phases, strict=True)
+        ]
+        noisy = on_arc(angle, 300.0) + 0.1 * np.column_stack(displaced) + 0.1 * rng.standard_normal((200, 2))
+        circle = fit_circle(noisy, 0.1)
+        pulls.append((circle.radius - 300.0) / circle.stderr[2])
+    assert np.sqrt(np.mean(np.square(pulls))) < 1.5
+
+
 def test_small_arc_has_a_large_error_of_the_radius_which_it_shares_with_the_pivot():
     noisy = on_arc(np.radians(8) * SWING, 300.0) + 0.3 * np.random.default_rng(1).standard_normal((200, 2))
     circle = fit_circle(noisy, 0.3)
@@ -140,5 +157,5 @@ def test_webcam_pendulum_has_a_plausible_pivot():
     x, y = (np.loadtxt(folder / f"length_68_{axis}.csv") for axis in "xy")
     circle = fit_circle(np.column_stack([x, -y]))
     assert circle.scatter < 1.0
-    assert circle.stderr[2] / circle.radius < 0.02
+    assert circle.stderr[2] / circle.radius < 0.03
     assert abs(circle.x - 1002.8) < 6.0  # the author's own origin, of another clip of the same set-up

@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import cv2
@@ -26,6 +27,7 @@ from iris_sysid.pipeline import one_clip
 from iris_sysid.registry import PHENOMENA
 from iris_sysid.report.budget import budget_sections, calibration_section
 from iris_sysid.synthetic import Look, render_checkerboard, render_clip
+from iris_sysid.trajectory.observables import world_in_motion
 from iris_sysid.trajectory.vertical_and_scale import align_vertical, vertical_note, with_motion_vertical
 from iris_sysid.types import Track
 from tests._board_pictures import (
@@ -323,6 +325,15 @@ def test_positions_of_two_bodies_go_into_two_files(tmp_path):
     assert [path.name for path in paths] == ["world-1.csv", "world-2.csv"]
     shift = read_trajectory(paths[1]).position - read_trajectory(paths[0]).position
     np.testing.assert_allclose(shift, np.broadcast_to([9 / 400, -9 / 400], (25, 2)))
+
+
+def test_positions_while_a_hand_holds_the_body_are_labelled_in_the_file(tmp_path):
+    free = falling(scale(400.0, 1.0), np.random.default_rng(1))
+    held = replace(free, hand=np.arange(25) < 9)
+    back = read_trajectory(write_trajectory(world_in_motion(held, scale(400.0, 1.0)), tmp_path / "world.csv"))
+    assert [(part.label, part.start, part.stop) for part in back.segments] == [("hand", 0, 9), ("motion", 9, 25)]
+    still = replace(held, xy_px=np.tile(held.xy_px[:1], (25, 1)))
+    assert world_in_motion(still, scale(400.0, 1.0)).segments == ()
 
 
 def test_camera_of_a_calibration_is_the_one_it_was_made_with(calibration):

@@ -12,6 +12,7 @@ from iris_sysid import (
     Quantity,
     Segment,
     Trajectory,
+    fit,
     open_video,
     track,
 )
@@ -86,6 +87,16 @@ def test_stated_pivot_may_be_called_y_and_its_error_is_kept():
     _, world = swing(np.random.default_rng(1))
     got = observed("pendulum", world, {"pivot_x": given(437.0, stderr=2.0), "pivot_y": given(-42.0, stderr=3.0)})
     assert (got.geometry["pivot_x"].stderr, got.geometry["pivot_z"].stderr) == (2.0, 3.0)
+
+
+@pytest.mark.parametrize(("settings", "share"), [({}, 0.004), ({"ball_radius": given(0.05, "m")}, 0.001)])
+def test_radius_by_the_period_allows_for_the_inertia_of_the_bob(settings, share):
+    rng, t_s = np.random.default_rng(4), np.arange(300) / 30
+    world = in_plane(t_s, on_arc(pendulum_angle(t_s, 0.15), 1.0), 0.002, unit="m", rng=rng)
+    got = observed("pendulum", world, settings)
+    refined = PHENOMENA["pendulum"].refine(fit(got, "pendulum"), got)["arc_radius"]
+    assert refined.value == pytest.approx(1.0, abs=0.01)
+    assert share < refined.stderr / refined.value < share + 0.002
 
 
 def test_stated_radius_fixes_the_pivot_of_a_small_arc():

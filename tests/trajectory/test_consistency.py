@@ -109,6 +109,14 @@ def test_wrong_scale_is_said_with_both_readings(path, phenomenon):
     assert not fit.verdict.good
 
 
+def test_a_swing_that_the_equation_does_not_explain_says_nothing_of_clock_and_scale():
+    theta = 0.5 * np.cos(9 * SWING_S) + 0.4 * np.cos(4 * SWING_S)
+    fit = result((SWING_S, 0.5 * np.column_stack([np.sin(theta), -np.cos(theta)])), "pendulum")
+    kinds = {doubt.kind for doubt in fit.verdict.reasons}
+    assert "little-explained" in kinds
+    assert not kinds & {"clock", "scale"}
+
+
 @pytest.mark.parametrize("phenomenon", ["dropping-ball", "projectile"])
 def test_swing_taken_for_a_flight_is_doubtful_and_names_the_pendulum(phenomenon):
     verdict = result(swing(), phenomenon).verdict

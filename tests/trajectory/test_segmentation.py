@@ -295,6 +295,18 @@ def test_longest_stretch_between_contacts_is_the_motion_of_any_kind():
     assert "velocity jumps by 160 px/s at 1 s" in reason(got) or "velocity jumps by 1" in reason(got)
 
 
+def test_the_whole_motion_begins_where_a_hold_ends_and_goes_on_over_its_bounces():
+    t_s = np.arange(300) / 120
+    ball, _ = bouncing_ball(t_s[:180], 150.0, 1500.0)
+    world = in_plane(t_s, np.concatenate([np.tile(ball[0], (120, 1)), ball]), 0.1, rng=np.random.default_rng(1))
+    at_rest = segment(world, kind="whole")
+    assert 118 <= motion(at_rest)[0] <= 130
+    assert motion(at_rest)[1] >= 295
+    in_a_hand = segment(world, hand=np.arange(300) < 120, kind="whole")
+    assert spans(in_a_hand, "hand") == [(0, 120)]
+    assert motion(in_a_hand)[0] == 120
+
+
 def test_segments_are_in_order_and_do_not_overlap():
     t_s = np.arange(400) / 240
     ball, _ = bouncing_ball(t_s, 150.0, 1500.0)
@@ -323,9 +335,9 @@ MOVING = in_plane(np.arange(60) / 30, np.column_stack([np.arange(60.0), np.zeros
     ("world", "options", "message"),
     [
         (MOVING.with_(valid=np.zeros(60, bool)), {}, "none of the 60 samples is valid"),
-        (MOVING, {"hand": np.ones(60, bool)}, "in a hand in all of the 60 samples"),
+        (MOVING, {"hand": np.ones(60, bool)}, "in a hand in all of the 60 samples.* --mark 1=x,y@frame"),
         (MOVING, {"hand": np.ones(59, bool)}, r"hand must have shape \(60,\)"),
-        (MOVING, {"kind": "jump"}, "there are oscillation, slide, flight and any"),
+        (MOVING, {"kind": "jump"}, "there are oscillation, slide, flight, any, whole"),
         (
             MOVING.with_(position=np.full((60, 2), 7.0)),
             {},
@@ -373,6 +385,17 @@ def test_a_flight_ends_where_a_net_takes_the_ball_though_a_bounce_follows_at_onc
     start, stop = motion(got)
     assert start == 0
     assert 18 <= stop <= 20
+
+
+@pytest.mark.parametrize("rate_hz", [60, 240])
+def test_a_flight_begins_where_the_hand_that_leads_it_lets_go(rate_hz):
+    t_s = np.arange(1.5 * rate_hz) / rate_hz - 0.25
+    led = np.expm1(np.minimum(t_s, 0.0) / 0.25)
+    way = np.where(t_s < 0, led, 0.0)[:, None] * [75.0, 125.0] + np.maximum(t_s, 0.0)[:, None] * [300.0, 500.0]
+    way[:, 1] -= 500.0 * np.maximum(t_s, 0.0) ** 2
+    start, stop = motion(segment(in_plane(t_s, way, 0.1, rng=np.random.default_rng(1)), kind="flight"))
+    assert abs(t_s[start]) < 0.02
+    assert stop == t_s.size
 
 
 def test_a_long_roll_on_the_floor_is_no_flight():

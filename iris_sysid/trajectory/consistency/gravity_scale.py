@@ -150,9 +150,11 @@ def _of_a_flight(body: Trajectory, gravity: float) -> GravityMetre | None:
 
 
 def _of_a_swing(body: Trajectory, fit: FitResult, gravity: float, name: str) -> GravityMetre | None:
-    """From the length by the period, over the radius of the arc."""
+    """From the length by the period, over the radius of the arc; where the equation of a pendulum explains the path."""
     length, fitted = fit.estimates.get(name), fit.estimates.get("gravity")
     if not fit.usable or length is None or fitted is None or not length.value > 0:
+        return None
+    if any(doubt.kind == "little-explained" for doubt in fit.verdict.reasons):
         return None
     used = body.valid & body.mask("motion")
     if used.sum() < MIN_SAMPLES:
