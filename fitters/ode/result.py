@@ -328,8 +328,8 @@ def energy_gains(model: OdeModel, estimates: Mapping[str, Estimate]) -> list[str
     """
     dampings = {parameter.name: estimates[parameter.name] for parameter in model.with_role("damping")}
     return [
-        f"{name} is {damping.value:.2g} ± {damping.stderr:.1g} {damping.unit}; a negative damping adds energy: the loss "
-        "has another form than in the equation, or something drives the motion"
+        f"{name} is {damping.value:.2g} ± {damping.stderr:.1g} {damping.unit}; a negative damping adds energy: "
+        "the loss has another form than in the equation, or something drives the motion"
         for name, damping in dampings.items()
         if damping.interval[1] < 0.0
     ]
