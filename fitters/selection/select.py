@@ -91,8 +91,11 @@ def _choice(raws: Sequence[Raw], bank: Mapping[str, OdeModel], free: Sequence[st
     tried = all_tried(trials, bank, free)
     tried += _each_alone(raws, known, bank, free) if len(raws) > 1 else []
     if not tried:
-        seen = ", ".join(f"{q.name} in {q.unit}" for q in raws[0].quantities)
-        raise FitError(f"no model of the bank observes {len(raws)} times {seen}: {', '.join(bank)}")
+        seen = ", ".join(f"{q.name} in {q.unit or 'numbers'}" for q in raws[0].quantities)
+        each = f"{len(raws)} bodies with {seen} each" if len(raws) > 1 else seen
+        raise FitError(
+            f"no model of the bank observes {each}: write one (--equation), or let iris-sysid discover propose it"
+        )
     return _chosen(tried, int((~known).sum()))
 
 

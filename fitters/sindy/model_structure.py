@@ -22,6 +22,8 @@ from iris_sysid.types import Array, OdeModel
 
 Key = tuple[int, int, int]  # equation, code, other: identifies a term without the names of the quantities
 
+LENGTHS = {"m", "px"}  # units of a length with a scale or without
+READINGS = ("V", "1", "")  # of a sensor, which may stand for anything
 SAMPLES = 60
 LIE_STEP = 1e-4  # s: derivatives along the flow by central differences; errors about 1e-8
 EXPRESSED = 1e-5  # fraction of the size of the left side: a larger misfit means that the library cannot express it
@@ -64,8 +66,15 @@ def structures(library: Library) -> Iterator[Structure]:
             continue
         if len(model.inputs) not in (0, len(library.inputs)):
             continue
-        if tuple(variable.kind for variable in structure.library.variables) == kinds:
+        if tuple(variable.kind for variable in structure.library.variables) == kinds and _is_alike(structure, library):
             yield structure
+
+
+def _is_alike(structure: Structure, library: Library) -> bool:
+    """Whether amounts may be those of a model: in its unit, or what a sensor reads; a temperature is no speed."""
+    pairs = zip(structure.library.variables, library.variables, strict=True)
+    units = [(own.state.unit, seen.state.unit) for own, seen in pairs if own.kind == "amount"]
+    return all(seen in (own, *READINGS) or {own, seen} <= LENGTHS for own, seen in units)
 
 
 def terms_of(library: Library, name: str) -> tuple[int, ...]:

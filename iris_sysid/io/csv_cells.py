@@ -64,7 +64,8 @@ class PackedCells:
 class Sheet:
     """The cells of a file: ``columns`` by header, all of one length, and the ``lines`` they stand in.
 
-    ``factors``: from the number in a cell to the unit of its header, where that is not 1.
+    ``factors``: from the number in a cell to the unit of its header, where that is not 1; ``zeros``: what a cell of
+    zero is in that unit, where it is not zero.
     """
 
     label: str
@@ -72,6 +73,7 @@ class Sheet:
     lines: Sequence[int]
     decimal_comma: bool = False
     factors: Mapping[str, float] = field(default_factory=dict)
+    zeros: Mapping[str, float] = field(default_factory=dict)
 
     def __contains__(self, column: str) -> bool:
         return column in self.columns
@@ -102,7 +104,8 @@ class Sheet:
             self.refuse(column, int(np.argmax(np.isinf(values))), "is infinite; leave the cell blank for a gap")
         if not gaps and np.isnan(values).any():
             self.refuse(column, int(np.argmax(np.isnan(values))), "is blank or not a number; every row needs one")
-        return values * self.factors[column] if column in self.factors else values
+        scaled = values * self.factors[column] if column in self.factors else values
+        return scaled + self.zeros[column] if column in self.zeros else scaled
 
     def amounts(self, column: str) -> Array:
         """The column as numbers that are not below zero, NaN for a blank cell.

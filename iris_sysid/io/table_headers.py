@@ -13,6 +13,7 @@ import unicodedata
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 from iris_sysid.errors import DataError
 from iris_sysid.io.csv_cells import BLANK, Sheet
@@ -22,8 +23,18 @@ from iris_sysid.types import Quantity
 from iris_sysid.units import COLUMN_UNITS
 
 EXAMPLE = {"t": "Time (s)", "theta[deg]": "Angle"}  # where the columns of the table are not known
-# how programs and people spell a unit -> its name in a column of this project, and a factor to that
-SPELLED: Mapping[str, tuple[str, float]] = {
+
+
+class Spelled(NamedTuple):
+    """The unit of a column of this project, the ``factor`` to it, and what a reading of zero is in it."""
+
+    unit: str
+    factor: float = 1.0
+    zero: float = 0.0
+
+
+# how programs and people spell a unit -> its name in a column of this project, a factor to that, and its zero
+SPELLINGS: Mapping[str, tuple[str, float] | tuple[str, float, float]] = {
     **{name: (name, 1.0) for name in (*COLUMN_UNITS, *SUFFIXES) if name != "1"},
     **dict.fromkeys(
         ("sec", "secs", "second", "seconds", "sek", "sekunden", "segundos", "secondes", "sek."), ("s", 1.0)
@@ -46,7 +57,10 @@ SPELLED: Mapping[str, tuple[str, float]] = {
     "rpm": ("rad_s", math.pi / 30.0),
     "mph": ("m_s", 0.44704),
     **dict.fromkeys(("kmh", "kph"), ("m_s", 1.0 / 3.6)),
+    **dict.fromkeys(("degC", "°C", "celsius", "centigrade"), ("K", 1.0, 273.15)),
+    **dict.fromkeys(("degF", "°F", "fahrenheit"), ("K", 5 / 9, 273.15 - 32 * 5 / 9)),
 }
+SPELLED: Mapping[str, Spelled] = {text: Spelled(*each) for text, each in SPELLINGS.items()}
 SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0}  # in what a rate is per
 TIMES = (
     "t",
@@ -94,12 +108,16 @@ ROW = -1  # stands for the number of the row, as a column
 
 @dataclass(frozen=True, slots=True)
 class Meaning:
-    """The ``column``, from 0, that holds the quantity ``name`` in ``unit`` (of COLUMN_UNITS) times ``factor``."""
+    """The ``column``, from 0, that holds the quantity ``name`` in ``unit`` (of COLUMN_UNITS) times ``factor``.
+
+    ``zero``, in that unit, is what a reading of zero is.
+    """
 
     column: int
     name: str
     unit: str
     factor: float = 1.0
+    zero: float = 0.0
 
     @property
     def header(self) -> str:
@@ -114,6 +132,8 @@ class Meaning:
     @property
     def unit_text(self) -> str:
         """The unit with its factor, as the user may state it."""
+        if self.zero:
+            return next(text for text, each in SPELLED.items() if each.zero == self.zero)
         unit = self.unit.replace("_s", "/s")
         return f"{self.factor:g} {unit}" if self.factor != 1.0 else unit
 
@@ -146,7 +166,8 @@ def parse_headers(cells: Cells, stated: Mapping[str, str] | None = None) -> tupl
         for meaning in meanings
         if (factor := _factor(meaning)) != 1.0
     }
-    sheet = Sheet(cells.label, columns, list(cells.lines), cells.decimal_comma, factors)
+    zeros = {meaning.header: meaning.zero for meaning in meanings if meaning.zero}
+    sheet = Sheet(cells.label, columns, list(cells.lines), cells.decimal_comma, factors, zeros)
     return sheet, (*cells.said, *_said(titles, meanings))
 
 
@@ -206,21 +227,21 @@ def _filled(groups: Sequence[str]) -> list[str]:
     return filled if len(set(filled)) > 1 else [""] * len(filled)
 
 
-def _unit(text: str) -> tuple[str, float] | None:
-    """The unit's name in a column and a factor to it; None where it is not a unit."""
+def _unit(text: str) -> Spelled | None:
+    """What a unit is in a column of this project; None where it is not a unit."""
     plain = unicodedata.normalize("NFKD", text.strip().strip("()[] ").replace("²", "^2").replace("³", "^3"))
     plain = "".join(letter for letter in plain if not unicodedata.combining(letter))
     forms = (text.strip(), plain, without_slash(plain), plain.lower())
     return next((SPELLED[form] for form in forms if form in SPELLED), None) or _rate(plain)
 
 
-def _rate(text: str) -> tuple[str, float] | None:
+def _rate(text: str) -> Spelled | None:
     """The same of a spelled unit per s, min or h: ``km/h``."""
     above, _, below = text.rpartition("/")
     base, seconds = SPELLED.get(above) or SPELLED.get(above.lower()), SECONDS.get(below.lower())
-    if base is None or seconds is None or f"{base[0]}_s" not in SUFFIXES:
+    if base is None or seconds is None or f"{base.unit}_s" not in SUFFIXES:
         return None
-    return f"{base[0]}_s", base[1] / seconds
+    return Spelled(f"{base.unit}_s", base.factor / seconds)
 
 
 def states_unit(title: str) -> bool:
@@ -228,7 +249,7 @@ def states_unit(title: str) -> bool:
     return _taken_apart(title)[1] is not None
 
 
-def _taken_apart(title: str) -> tuple[str, tuple[str, float] | None]:
+def _taken_apart(title: str) -> tuple[str, Spelled | None]:
     """Name and unit of a title; no unit where none can be told."""
     if len(title) > MAX_TITLE:
         return title, None
@@ -266,12 +287,13 @@ def _guessed(cells: Cells, titles: Sequence[str], time: Meaning | None = None) -
     unknown: list[str] = []
     for k in numeric:
         name, unit = _taken_apart(titles[k])
-        if k == time.column or _plain(name) in (*TIMES, *FRAMES) or not name:
+        counts = _plain(name) in (*TIMES, *FRAMES) and (unit is None or unit.unit in TIME_UNITS)  # T (°C) does not
+        if k == time.column or counts or not name:
             continue
         if unit is None and driven and RECORDED.fullmatch(_plain(name)):
-            unit = ("1", 1.0)
-        named = QUANTITIES.get(_plain(name), _plain(name))
-        kept = meanings if unit is None or unit[0] in COLUMN_UNITS or INPUT.fullmatch(named) else rates
+            unit = Spelled("1")
+        named = QUANTITIES.get(_plain(name), "temperature" if _plain(name) == "t" else _plain(name))
+        kept = meanings if unit is None or unit.unit in COLUMN_UNITS or INPUT.fullmatch(named) else rates
         if unit is None or not re.match(r"[a-z]", named) or any(meaning.name == named for meaning in kept):
             unknown.append(titles[k])
             continue
@@ -320,10 +342,10 @@ def columns_for(path: str | Path, quantities: Sequence[Quantity]) -> dict[str, s
     return {"t": f"{titles[time]:.60}", **asked}
 
 
-def _unit_of(title: str, quantity: Quantity) -> tuple[str, float] | None:
+def _unit_of(title: str, quantity: Quantity) -> Spelled | None:
     """The unit that a column states, where it is of the kind that a quantity has; else None."""
     unit = _taken_apart(title)[1]
-    return unit if unit is not None and quantity.unit and SUFFIXES[unit[0]][0] == quantity.unit else None
+    return unit if unit is not None and quantity.unit and SUFFIXES[unit.unit][0] == quantity.unit else None
 
 
 def example_of(titles: Sequence[str]) -> dict[str, str]:
@@ -345,8 +367,8 @@ def _time(cells: Cells, titles: Sequence[str], numeric: Sequence[int]) -> Meanin
     """The column of the times; in seconds where it states no unit, which the notes on what was read state."""
     for k in numeric:
         name, unit = _taken_apart(titles[k])
-        if _plain(name) in TIMES and (unit is None or unit[0] in TIME_UNITS):
-            return Meaning(k, "t", *(unit or ("s", 1.0)))
+        if _plain(name) in TIMES and (unit is None or unit.unit in TIME_UNITS):
+            return Meaning(k, "t", *(unit or Spelled("s")))
     have = ", ".join(f"{title!r:.40}" for title in titles[:12])
     raise DataError(
         f"{cells.label} has no column t_s, nor one that is called a time; its columns are {have}; numbers of "
@@ -412,8 +434,8 @@ def _one_stated(cells: Cells, titles: Sequence[str], name: str, title: str) -> M
     titled = None if column == ROW else _taken_apart(titles[column])[1]
     unit = _unit(match["unit"]) if match["unit"] is not None else titled
     if unit is None and match["name"] == "t" and match["unit"] is None:
-        unit = ("s", 1.0)
-    if unit is None or (match["name"] == "t" and unit[0] not in TIME_UNITS):
+        unit = Spelled("s")
+    if unit is None or (match["name"] == "t" and unit.unit not in TIME_UNITS):
         asked = f"no unit {match['unit']!r:.30}" if match["unit"] is not None else "no unit"
         raise DataError(
             f"column {title!r:.60} has {asked}; state it as {match['name']}[unit]={title:.60}; "

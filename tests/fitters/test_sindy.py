@@ -174,6 +174,16 @@ def test_hot_body_that_radiates_cools_with_the_fourth_power():
     assert fourth.inclusion > 0.9
 
 
+@pytest.mark.parametrize(("unit", "model"), [("K", ""), ("rad/s", "spin-down"), ("V", "spin-down")])
+def test_cooling_is_no_wheel_that_runs_down(unit, model):
+    """The same equation of first order, with a constant: what is measured tells which model of the bank it may be."""
+    t_s = np.arange(0.0, 1800.0, 10.0)
+    discovery = discover(
+        seen(t_s, 22.0 + 60.0 * np.exp(-t_s / 600.0), Quantity("y", unit, "y"), noise=0.05), resampled=5
+    )
+    assert (discovery.matched.model if discovery.matched else "") == model
+
+
 def test_position_that_a_sensor_reads_in_volts_has_an_equation_of_second_order():
     drive, reading = Quantity("u", "V"), Quantity("y", "V")
     t_s = np.arange(600) / 60

@@ -258,6 +258,22 @@ def test_speeds_and_lengths_are_read_in_the_units_of_people(tmp_path, header, un
     assert any("column" in line for line in read.origin["read_as"])
 
 
+@pytest.mark.parametrize(
+    ("title", "name", "kelvin"),
+    [
+        ("Temperature (°C)", "temperature", THETA + 273.15),
+        ("T_degC", "temperature", THETA + 273.15),
+        ("plate / °F", "plate", (THETA + 459.67) * 5 / 9),
+    ],
+)
+def test_temperatures_of_a_thermometer_are_read_in_kelvin(tmp_path, title, name, kelvin):
+    (tmp_path / "table.csv").write_text(f"Time (s),{title}\n" + rows(T_S, THETA), encoding="utf-8")
+    read = read_trajectory(tmp_path / "table.csv")
+    assert [(quantity.name, quantity.unit) for quantity in read.quantities] == [(name, "K")]
+    np.testing.assert_allclose(read.position[:, 0], kelvin, rtol=1e-12)
+    assert any(line.endswith(("in degC", "in degF")) for line in read.origin["read_as"])
+
+
 def test_speed_beside_a_position_is_left_to_the_position(tmp_path):
     (tmp_path / "table.csv").write_text("Time (s),x (m),v (km/h)\n" + rows(T_S, THETA, DEG))
     assert [quantity.name for quantity in read_trajectory(tmp_path / "table.csv").quantities] == ["x"]
