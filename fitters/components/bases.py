@@ -59,13 +59,13 @@ class Basis:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Scale:
-    """What is common to the clips: the largest position and speed, and the centre (f,) of the motion.
+    """What is common to the clips: lowest and highest (2, d) of positions, velocities, readings and their rates.
 
     ``repeats``: it passes a place more than once; ``has_speed``: a velocity is a state, not a function of the position.
     """
 
     position: Array
-    speed: Array
+    velocity: Array
     observed: Array
     rate: Array
     repeats: bool
@@ -75,27 +75,30 @@ class Scale:
     def of(cls, motions: Sequence[EffectMotion], seen: Sequence[Array], rates_seen: Sequence[Array]) -> Scale:
         """The scale of some motions, of the observed values (n, d) of each and of their rates (n, d)."""
         count = motions[0].model.degrees_of_freedom
-        positions = np.concatenate([motion.states[:, :count] for motion in motions])
-        speeds = np.concatenate([_velocity(motion) for motion in motions])
-        repeats = all(_turns(motion) >= MIN_TURNS for motion in motions)
         return cls(
-            np.stack(_span(positions, repeats)),
-            _largest(speeds),
-            np.stack(_span(np.concatenate(list(seen)), repeats)),
-            _largest(np.concatenate(list(rates_seen))),
-            repeats,
+            _reached([motion.states[:, :count] for motion in motions]),
+            _reached([_velocity(motion) for motion in motions]),
+            _reached(seen),
+            _reached(rates_seen),
+            all(_turns(motion) >= MIN_TURNS for motion in motions),
             motions[0].model.has_velocity,
         )
 
+    def about(self, reached: Array) -> tuple[Array, Array]:
+        """Middle and half width (d,) of what is reached (2, d); about zero where a motion that repeats passes it."""
+        passed = self.repeats & (reached[0] <= 0) & (reached[1] >= 0)
+        middle = np.where(passed, 0.0, 0.5 * (reached[0] + reached[1]))
+        return middle, _largest(reached - middle)
 
-def _largest(values: Array) -> Array:
-    return np.asarray(np.maximum(np.max(np.abs(values), axis=0), 1e-300))
+
+def _reached(values: Sequence[Array]) -> Array:
+    every = np.concatenate(list(values))
+    return np.stack([every.min(axis=0), every.max(axis=0)])
 
 
-def _span(values: Array, repeats: bool) -> tuple[Array, Array]:
-    """Middle and half width (d,); about the zero of a motion that repeats."""
-    middle = np.zeros(values.shape[1]) if repeats else 0.5 * (values.min(axis=0) + values.max(axis=0))
-    return middle, _largest(values - middle)
+def _largest(reached: Array) -> Array:
+    """The largest size (d,) of what is reached (2, d)."""
+    return np.asarray(np.maximum(np.max(np.abs(reached), axis=0), 1e-300))
 
 
 def _velocity(motion: EffectMotion) -> Array:
@@ -224,7 +227,7 @@ def wander(motion: EffectMotion, seen: Array) -> Basis:
 
 def _reading_of_position(seen: Array, scale: Scale, motion: EffectMotion) -> Basis:
     """The reading depends on the position: a wrong zero, scale, pivot or plane, a lens, the curve of a gauge."""
-    middle, width = scale.observed
+    middle, width = scale.about(scale.observed)
     degrees = range(6)
 
     def functions(values: Array) -> Array:
@@ -232,7 +235,7 @@ def _reading_of_position(seen: Array, scale: Scale, motion: EffectMotion) -> Bas
         own = _own(scaled, lambda column: _polynomials(column, degrees))
         return np.concatenate([own, _crossed(scaled)], axis=2)
 
-    at, along = _line(middle, width)
+    at, along = _line(scale.observed)
     return Basis(
         "reading-of-position", functions(seen), True, motion.model.observed[0], at,
         tuple(motion.model.observed), functions(along),
@@ -247,22 +250,22 @@ def _crossed(scaled: Array) -> Array:
     return _each(np.column_stack([u * v, v, u, v**2 * u, u**2 * v]), 2)
 
 
-def _line(middle: Array, width: Array) -> tuple[Array, Array]:
-    """The range of the first quantity (g,), and all quantities (g, d) along their ranges."""
-    along = middle + np.linspace(-1, 1, GRID)[:, None] * width
+def _line(reached: Array) -> tuple[Array, Array]:
+    """The range (g,) that the first quantity reaches, and all quantities (g, d) along theirs; ``reached`` (2, d)."""
+    along = np.linspace(reached[0], reached[1], GRID)
     return along[:, 0], along
 
 
 def _reading_of_velocity(seen: Array, seen_rate: Array, scale: Scale, motion: EffectMotion) -> Basis:
     """The reading depends on the velocity: a shift in time, a long exposure, rows of the picture read one by one."""
-    middle, width = scale.observed
+    (middle, width), fastest = scale.about(scale.observed), _largest(scale.rate)
 
     def functions(values: Array, positions: Array) -> Array:
-        own = _own(values / scale.rate, lambda column: _polynomials(column, range(1, 5)))
-        rows = _own(values / scale.rate * (positions - middle) / width, lambda column: column[:, None])
+        own = _own(values / fastest, lambda column: _polynomials(column, range(1, 5)))
+        rows = _own(values / fastest * (positions - middle) / width, lambda column: column[:, None])
         return np.concatenate([own, rows], axis=2)
 
-    at, along = _line(np.zeros_like(scale.rate), scale.rate)
+    at, along = _line(scale.rate)
     curve = functions(along, np.broadcast_to(middle, along.shape))
     return Basis(
         "reading-of-velocity", functions(seen_rate, seen), True, _rate_of(motion.model.observed[0]), at,
@@ -293,21 +296,22 @@ def _clock(motion: EffectMotion, seen_rate: Array) -> Basis:
 
 def _force_of_velocity(motion: EffectMotion, scale: Scale) -> Basis:
     """A force along the velocity of each body, a function of its speed with a jump at zero; of a speed also even."""
+    fastest = _largest(scale.velocity)
 
     def functions(velocity: Array) -> Array:
         parts = []
         for body in bodies_of(motion.model):
-            speed = np.linalg.norm(velocity[:, body] / scale.speed[body].max(), axis=1)
-            direction = velocity[:, body] / scale.speed[body].max() / np.maximum(speed, 1e-300)[:, None]
+            speed = np.linalg.norm(velocity[:, body] / fastest[body].max(), axis=1)
+            direction = velocity[:, body] / fastest[body].max() / np.maximum(speed, 1e-300)[:, None]
             sizes = np.column_stack([speed / np.hypot(speed, JUMP), speed, speed**2, speed**3])
             part = np.zeros((*velocity.shape, sizes.shape[1]))
             part[:, body] = direction[:, :, None] * sizes[:, None]
             parts.append(part)
         if motion.model.of_speeds:
-            parts.append(_own(velocity / scale.speed, lambda column: _polynomials(column, (0, 2))))
+            parts.append(_own(velocity / fastest, lambda column: _polynomials(column, (0, 2))))
         return np.concatenate(parts, axis=2)
 
-    at, along = _line(np.zeros_like(scale.speed), scale.speed)
+    at, along = _line(scale.velocity)
     return Basis(
         "force-of-velocity", _answers(motion, functions(_velocity(motion))), True, _argument(motion, True), at,
         _force_units(motion), functions(along),
@@ -316,13 +320,13 @@ def _force_of_velocity(motion: EffectMotion, scale: Scale) -> Basis:
 
 def _force_of_position(motion: EffectMotion, scale: Scale) -> Basis:
     """A force that is a function of the position of each degree of freedom."""
-    middle, width = scale.position
+    middle, width = scale.about(scale.position)
 
     def functions(positions: Array) -> Array:
         return _own((positions - middle) / width, lambda column: _polynomials(column, range(6)))
 
     count = motion.model.degrees_of_freedom
-    at, along = _line(middle, width)
+    at, along = _line(scale.position)
     return Basis(
         "force-of-position", _answers(motion, functions(motion.states[:, :count])), True, _argument(motion, False), at,
         _force_units(motion), functions(along),

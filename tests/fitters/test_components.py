@@ -100,6 +100,15 @@ def test_band_of_the_curve_holds_the_force_that_was_put_in():
     assert np.max(curve.stderr[usual]) < np.max(np.abs(hidden[usual]))
 
 
+def test_curve_ends_where_the_motion_did():
+    """A swing that dies out before it has gone as far to the other side."""
+    theta = integrate(MOTIONS["pendulum"], {**VALUES, "damping": 1.5}, T_S, cubic)[:, :1]
+    curve = next(part.curve for part in parts_of(theta).parts if part.kind == "force-of-position")
+    assert curve.at.max() == pytest.approx(0.8, rel=0.02)
+    assert curve.at.min() == pytest.approx(theta.min(), rel=0.05)
+    assert theta.min() > -0.6
+
+
 def test_moment_of_a_pulse_and_frequency_of_a_force_are_given():
     pulse = parts_of(HIDDEN["pulse"]()).named("pulse")
     assert pulse is not None
