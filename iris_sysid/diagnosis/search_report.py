@@ -129,10 +129,10 @@ class SearchReport:
         }
 
     def _price(self, effect: Effect) -> float:
-        """The criterion of an effect beside what it explains: of its values, and its odds before the data."""
+        """The criterion of an effect beside what it explains: its values in each clip, and its odds before the data."""
         values = sum(not parameter.constant for parameter in effect.parameters) + effect.is_placed
-        count = max(sum(fitted.n * len(fitted.rms) for fitted in self._final.fits), 2)
-        return values * float(np.log(count)) - 2.0 * float(np.log(effect.plausibility))
+        each_clip = sum(float(np.log(max(fitted.n * len(fitted.rms), 2))) for fitted in self._final.fits)
+        return values * each_clip - 2.0 * float(np.log(effect.plausibility))
 
     def size(self, name: str) -> Estimate:
         """A size over all clips; its error allows for alternatives to the added effects, and for one more effect."""
