@@ -71,7 +71,7 @@ def structures(library: Library) -> Iterator[Structure]:
 
 
 def _is_alike(structure: Structure, library: Library) -> bool:
-    """Whether amounts may be those of a model: in its unit, or what a sensor reads; a temperature is no speed."""
+    """Whether amounts may be those of a model: in its unit, or what a sensor reads; a temperature is not a speed."""
     pairs = zip(structure.library.variables, library.variables, strict=True)
     units = [(own.state.unit, seen.state.unit) for own, seen in pairs if own.kind == "amount"]
     return all(seen in (own, *READINGS) or {own, seen} <= LENGTHS for own, seen in units)
