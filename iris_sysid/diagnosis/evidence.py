@@ -13,7 +13,7 @@ import numpy as np
 
 from fitters.noise.autoregression import MAX_ORDER, burg, choose_order, grid_positions, on_grid, whiten
 from iris_sysid.diagnosis.refit import ModelWithEffects
-from iris_sysid.types import Array, FitResult, Mask
+from iris_sysid.types import Array, FitResult
 
 DECISIVE = float(2 * np.log(20.0))  # odds of 20 to 1: "strong evidence" of Kass and Raftery (1995), JASA 90, 773
 CREDIBLE = 0.99  # of the probability, which the names of a class hold
@@ -75,11 +75,12 @@ def _clip_difference(first: FitResult, second: FitResult, unit: Array, chosen: i
     )
     values = len(first.free) - len(second.free) + chosen
     priors = float(np.sum(first.prior_residual**2) - np.sum(second.prior_residual**2))
-    return chi2 + priors + values * float(np.log(max(_count(both, first), 2)))
+    return chi2 + priors + values * cost_of_value(int(both.sum()) * len(first.rms))
 
 
-def _count(both: Mask, fitted: FitResult) -> int:
-    return int(both.sum()) * len(fitted.rms)
+def cost_of_value(count: int) -> float:
+    """What one more free value of a clip costs, by the ``count`` of the numbers that were measured."""
+    return float(np.log(max(count, 2)))
 
 
 def _whitened_difference(t_s: Array, first: Array, second: Array) -> float:

@@ -66,6 +66,7 @@ class FitCache:
         self._models: dict[frozenset[str], ModelWithEffects] = {base.key: base}
         self._screenings: dict[frozenset[str], Screening] = {}
         self._errors: dict[frozenset[str], float] = {}
+        self._open: dict[tuple[frozenset[str], str], bool] = {}  # whether a model and an effect call for another form
         self._few: FitCache | None = None
         self._searched: FitCache | None = None
 
@@ -167,7 +168,12 @@ class FitCache:
 
         None where the effect has no form that is held, or the residual does not call for another one.
         """
-        if not forms(effect) or fitted_forms(effect) or not is_form_open(self.clips, current, effect):
+        if not forms(effect) or fitted_forms(effect):
+            return None
+        key = current.key, effect.name
+        if key not in self._open:
+            self._open[key] = is_form_open(self.clips, current, effect)
+        if not self._open[key]:
             return None
         effects = [with_free_form(other) if other.name == effect.name else other for other in current.effects]
         return self._fitted(current, effects, self._no_starts, forms(effect))

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from iris_sysid.diagnosis.evidence import cost_above, credible
+from iris_sysid.diagnosis.evidence import cost_above, cost_of_value, credible
 from iris_sysid.diagnosis.fit_cache import FitCache
 from iris_sysid.diagnosis.model_averaging import (
     CompetingEffect,
@@ -131,7 +131,7 @@ class SearchReport:
     def _price(self, effect: Effect) -> float:
         """The criterion of an effect beside what it explains: its values in each clip, and its odds before the data."""
         values = sum(not parameter.constant for parameter in effect.parameters) + effect.is_placed
-        each_clip = sum(float(np.log(max(fitted.n * len(fitted.rms), 2))) for fitted in self._final.fits)
+        each_clip = sum(cost_of_value(fitted.n * len(fitted.rms)) for fitted in self._final.fits)
         return values * each_clip - 2.0 * float(np.log(effect.plausibility))
 
     def size(self, name: str) -> Estimate:

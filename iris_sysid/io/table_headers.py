@@ -33,34 +33,35 @@ class Spelled(NamedTuple):
     zero: float = 0.0
 
 
-# how programs and people spell a unit -> its name in a column of this project, a factor to that, and its zero
-SPELLINGS: Mapping[str, tuple[str, float] | tuple[str, float, float]] = {
-    **{name: (name, 1.0) for name in (*COLUMN_UNITS, *SUFFIXES) if name != "1"},
+# how programs and people spell a unit
+SPELLED: Mapping[str, Spelled] = {
+    **{name: Spelled(name) for name in (*COLUMN_UNITS, *SUFFIXES) if name != "1"},
     **dict.fromkeys(
-        ("sec", "secs", "second", "seconds", "sek", "sekunden", "segundos", "secondes", "sek."), ("s", 1.0)
+        ("sec", "secs", "second", "seconds", "sek", "sekunden", "segundos", "secondes", "sek."), Spelled("s")
     ),
-    **dict.fromkeys(("msec", "millisecond", "milliseconds", "millisekunden", "milisegundos"), ("ms", 1.0)),
-    **dict.fromkeys(("µs", "us", "μs", "microseconds"), ("ms", 1e-3)),
-    **dict.fromkeys(("min", "minutes", "minuten", "minutos"), ("s", 60.0)),
-    **dict.fromkeys(("°", "º", "degree", "degrees", "grad", "graus", "grados", "degres", "gradi"), ("deg", 1.0)),
-    **dict.fromkeys(("radian", "radians", "radiant", "radianes", "radianos"), ("rad", 1.0)),
-    **dict.fromkeys(("meter", "meters", "metre", "metres", "metro", "metros"), ("m", 1.0)),
-    **dict.fromkeys(("centimeter", "centimeters", "centimetre", "centimetres"), ("cm", 1.0)),
-    **dict.fromkeys(("millimeter", "millimeters", "millimetre", "millimetres"), ("mm", 1.0)),
-    **dict.fromkeys(("in", "inch", "inches", "zoll"), ("m", 0.0254)),
-    **dict.fromkeys(("ft", "foot", "feet"), ("m", 0.3048)),
-    "km": ("m", 1000.0),
-    **dict.fromkeys(("pixel", "pixels", "pix", "pxl"), ("px", 1.0)),
-    **dict.fromkeys(("volt", "volts"), ("V", 1.0)),
-    **dict.fromkeys(("Nm", "N m", "N*m", "N·m"), ("N_m", 1.0)),
-    **dict.fromkeys(("rev", "revolution", "revolutions", "turn", "turns", "umdrehungen"), ("rad", 2.0 * math.pi)),
-    "rpm": ("rad_s", math.pi / 30.0),
-    "mph": ("m_s", 0.44704),
-    **dict.fromkeys(("kmh", "kph"), ("m_s", 1.0 / 3.6)),
-    **dict.fromkeys(("degC", "°C", "celsius", "centigrade"), ("K", 1.0, 273.15)),
-    **dict.fromkeys(("degF", "°F", "fahrenheit"), ("K", 5 / 9, 273.15 - 32 * 5 / 9)),
+    **dict.fromkeys(("msec", "millisecond", "milliseconds", "millisekunden", "milisegundos"), Spelled("ms")),
+    **dict.fromkeys(("µs", "us", "μs", "microseconds"), Spelled("ms", 1e-3)),
+    **dict.fromkeys(("min", "minutes", "minuten", "minutos"), Spelled("s", 60.0)),
+    **dict.fromkeys(("°", "º", "degree", "degrees", "grad", "graus", "grados", "degres", "gradi"), Spelled("deg")),
+    **dict.fromkeys(("radian", "radians", "radiant", "radianes", "radianos"), Spelled("rad")),
+    **dict.fromkeys(("meter", "meters", "metre", "metres", "metro", "metros"), Spelled("m")),
+    **dict.fromkeys(("centimeter", "centimeters", "centimetre", "centimetres"), Spelled("cm")),
+    **dict.fromkeys(("millimeter", "millimeters", "millimetre", "millimetres"), Spelled("mm")),
+    **dict.fromkeys(("in", "inch", "inches", "zoll"), Spelled("m", 0.0254)),
+    **dict.fromkeys(("ft", "foot", "feet"), Spelled("m", 0.3048)),
+    "km": Spelled("m", 1000.0),
+    **dict.fromkeys(("pixel", "pixels", "pix", "pxl"), Spelled("px")),
+    **dict.fromkeys(("volt", "volts"), Spelled("V")),
+    **dict.fromkeys(("Nm", "N m", "N*m", "N·m"), Spelled("N_m")),
+    **dict.fromkeys(
+        ("rev", "revolution", "revolutions", "turn", "turns", "umdrehungen"), Spelled("rad", 2.0 * math.pi)
+    ),
+    "rpm": Spelled("rad_s", math.pi / 30.0),
+    "mph": Spelled("m_s", 0.44704),
+    **dict.fromkeys(("kmh", "kph"), Spelled("m_s", 1.0 / 3.6)),
+    **dict.fromkeys(("degC", "°C", "celsius", "centigrade"), Spelled("K", 1.0, 273.15)),
+    **dict.fromkeys(("degF", "°F", "fahrenheit"), Spelled("K", 5 / 9, 273.15 - 32 * 5 / 9)),
 }
-SPELLED: Mapping[str, Spelled] = {text: Spelled(*each) for text, each in SPELLINGS.items()}
 SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0}  # in what a rate is per
 TIMES = (
     "t",

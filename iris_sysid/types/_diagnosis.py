@@ -214,7 +214,9 @@ class Diagnosis(Shown):
         of_effects = {parameter.name for effect in self.added for parameter in effect.parameters}
         known = (item for final in self.finals for item in final.estimates.items())
         told = {name for name, estimate in known if math.isfinite(estimate.stderr)}
-        return [final for final in self.finals if not _left_open(final) or not _left_open(final) <= of_effects & told]
+        return [
+            final for final in self.finals if not (unknown := _left_open(final)) or not unknown <= of_effects & told
+        ]
 
     @property
     def _left(self) -> tuple[Component, ...]:

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
-from iris_sysid import MODELS, Quantity, Trajectory, diagnose, model_from_equation
+from iris_sysid import MODELS, Quantity, diagnose, model_from_equation
+from tests._held_inputs import held_record, states_under
 
 STEP_S, SAMPLES, EACH = 0.01, 600, 50
 MOTOR = model_from_equation("w' = (K*u - b*w)/0.002", units={"w": "rad/s", "u": "V"})
@@ -15,19 +15,10 @@ def record(rates, start, reading, quantity, noise, seed=5):
     """Samples of a quantity under a voltage that keeps its value for 50 samples; ``rates(state, voltage)``."""
     rng = np.random.default_rng(seed)
     voltage = np.repeat(rng.uniform(-6, 6, SAMPLES // EACH), EACH)
-    t_s, states = np.arange(SAMPLES) * STEP_S, [np.array(start)]
-    for k in range(0, SAMPLES, EACH):
-        inside = np.arange(1, EACH + 1) * STEP_S
-        solved = solve_ivp(
-            lambda t, state, held=voltage[k]: rates(state, held), (0, EACH * STEP_S), states[-1], "LSODA", inside,
-            rtol=1e-9, atol=1e-11, max_step=1e-3,
-        )  # fmt: skip
-        states += list(solved.y.T)
-    seen = np.array([reading(state) for state in states[:SAMPLES]])[:, None] + noise * rng.standard_normal((SAMPLES, 1))
-    unknown, everywhere = np.full_like(seen, np.nan), np.ones(SAMPLES, bool)
-    return Trajectory(
-        t_s, (quantity,), seen, unknown, everywhere, (Quantity("u", "V"),), voltage[:, None], hold="zero-order"
-    )
+    precise = {"method": "LSODA", "rtol": 1e-9, "atol": 1e-11, "max_step": 1e-3}
+    states = states_under(rates, start, voltage, EACH, STEP_S, **precise)
+    seen = np.array([reading(state) for state in states]) + noise * rng.standard_normal(SAMPLES)
+    return held_record(quantity, seen, Quantity("u", "V"), voltage, STEP_S)
 
 
 def rubbing(state, voltage):

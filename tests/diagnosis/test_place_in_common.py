@@ -4,13 +4,13 @@ import warnings
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 from fitters.ode import FitRequest
 from iris_sysid import EFFECTS, Quantity, Trajectory, diagnose, fit, model_from_equation
 from iris_sysid.diagnosis.refit import ModelWithEffects
 from iris_sysid.diagnosis.score_test import common_size
 from iris_sysid.diagnosis.screening import Screening
+from tests._held_inputs import held_record, states_under
 
 LEVEL_V = 4.0
 MOTOR = model_from_equation("w' = -k*w + b*u")
@@ -18,19 +18,12 @@ MOTOR = model_from_equation("w' = -k*w + b*u")
 
 def driven(largest_v: float, seed: int) -> Trajectory:
     """A motor under held voltages up to a size, cut at the level, integrated by SciPy from jump to jump."""
-    rng, t_s = np.random.default_rng(seed), np.arange(600) * 0.02
+    rng = np.random.default_rng(seed)
     voltage = np.repeat(rng.uniform(-largest_v, largest_v, 20), 30)
-    speed = [0.0]
-    for given in voltage[::30]:
-        acts = float(np.clip(given, -LEVEL_V, LEVEL_V))
-        part = solve_ivp(lambda t, w, u=acts: 12.0 * u - 2.0 * w, (0.0, 0.6), speed[-1:], "DOP853", rtol=1e-10,
-                         t_eval=np.arange(31) * 0.02)  # fmt: skip
-        speed += part.y[0][1:].tolist()
-    seen = (np.array(speed[:-1]) + 0.1 * rng.standard_normal(t_s.size))[:, None]
-    return Trajectory(
-        t_s, (Quantity("w", "rad/s"),), seen, np.full_like(seen, np.nan), np.ones(t_s.size, bool),
-        input_quantities=(Quantity("u", "V"),), inputs=voltage[:, None], hold="zero-order",
-    )  # fmt: skip
+    cut = lambda w, u: 12.0 * np.clip(u, -LEVEL_V, LEVEL_V) - 2.0 * w  # noqa: E731
+    speed = states_under(cut, [0.0], voltage, 30, 0.02, method="DOP853", rtol=1e-10)[:, 0]
+    seen = speed + 0.1 * rng.standard_normal(voltage.size)
+    return held_record(Quantity("w", "rad/s"), seen, Quantity("u", "V"), voltage, 0.02)
 
 
 def test_level_of_an_input_is_one_in_all_clips_and_a_small_clip_does_not_contradict_it():

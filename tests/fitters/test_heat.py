@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 from fitters.image_effects import sensor_of
 from fitters.sindy.proposals import proposals
 from iris_sysid import EFFECTS, Quantity, Trajectory, fit, model_from_equation
+from tests._held_inputs import held_record, states_under
 
 HEATED = model_from_equation("T' = -k*(T-Ta) + b*u", units={"T": "K"})
 FILMED, ELSEWHERE = ("m", "px", "rad"), ("K", "V", "1", "m/s", "rad/s", "A", "Pa")
@@ -14,16 +14,12 @@ FILMED, ELSEWHERE = ("m", "px", "rad"), ("K", "V", "1", "m/s", "rad/s", "A", "Pa
 
 def heated() -> Trajectory:
     """A plate under a held power of up to 100 W, which loses heat to the air and by radiation."""
-    rng, t_s = np.random.default_rng(0), np.arange(800) * 10.0
-    power, reading = np.repeat(rng.uniform(0.0, 100.0, 20), 40), [293.0]
-    for given in power[::40]:
-        cooling = lambda t, y, u=given: 0.004 * u - 8e-4 * (y - 293.0) - 1e-12 * (y**4 - 293.0**4)  # noqa: E731
-        reading += solve_ivp(cooling, (0, 400), reading[-1:], t_eval=np.arange(41) * 10.0, rtol=1e-10).y[0][1:].tolist()
-    seen = (np.array(reading[:-1]) + 0.2 * rng.standard_normal(t_s.size))[:, None]
-    return Trajectory(
-        t_s, (Quantity("T", "K"),), seen, np.full_like(seen, np.nan), np.ones(t_s.size, bool),
-        input_quantities=(Quantity("u", "W"),), inputs=power[:, None], hold="zero-order",
-    )  # fmt: skip
+    rng = np.random.default_rng(0)
+    power = np.repeat(rng.uniform(0.0, 100.0, 20), 40)
+    cooling = lambda y, u: 0.004 * u - 8e-4 * (y - 293.0) - 1e-12 * (y**4 - 293.0**4)  # noqa: E731
+    reading = states_under(cooling, [293.0], power, 40, 10.0, rtol=1e-10)[:, 0]
+    seen = reading + 0.2 * rng.standard_normal(power.size)
+    return held_record(Quantity("T", "K"), seen, Quantity("u", "W"), power, 10.0)
 
 
 def test_residual_of_newton_s_cooling_suggests_the_fourth_power():
