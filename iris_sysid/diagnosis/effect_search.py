@@ -18,7 +18,7 @@ from iris_sysid.diagnosis.held_out_blocks import ALIKE, MIN_SHARE, SURE
 from iris_sysid.diagnosis.refit import ModelWithEffects
 from iris_sysid.diagnosis.residual_components import ranked_effects
 from iris_sysid.diagnosis.screening import Candidate
-from iris_sysid.types import Effect
+from iris_sysid.types import Component, Effect
 
 MAX_EFFECTS = 3  # that are kept
 AT_ONCE = 2  # effects that are tried together
@@ -58,6 +58,8 @@ class EffectSearch:
         current = self._in_one(self._pruned(self._with_formulas(self._cache.base)))
         if any(effect.absorbs for effect in current.effects):  # it took the place of formulas: others act beside it
             current = self._with_formulas(current)
+        if current.effects and all(effect.absorbs for effect in current.effects):  # it may imitate two of them
+            current = self._best(self._cache.base, [current, *self._of_parts()]) or current
         return self._with_nuisances(current)
 
     def _alone(self) -> ModelWithEffects | None:
@@ -222,11 +224,32 @@ class EffectSearch:
             models = self._absorbing(current)
             for effect in current.effects:
                 models += self._absorbing(self._cache.without(current, effect), instead_of=[effect])
-            found = self._best(current, models)
+            found = self._best(current, models) or self._best(current, self._of_parts())
             if found is None:
                 break
             self.reached = current = found
         return current
+
+    def _of_parts(self) -> list[ModelWithEffects]:
+        """Refits with an effect for each of the two largest components of the residual without effects.
+
+        Two that act together may both predict badly alone: the fit with one makes up for the other.
+        """
+        base, parts = self._cache.base, self._support.parts[:AT_ONCE]
+        if len(parts) < AT_ONCE:
+            return []
+        singles = [self._cache.with_added(base, each) for each in self._causes(base, parts[0])]
+        usable = [model for model in singles if model.usable]
+        return [self._cache.with_added(model, each) for model in usable for each in self._causes(model, parts[1])]
+
+    def _causes(self, current: ModelWithEffects, part: Component) -> list[Candidate]:
+        """The best effect of the kind of a component, and the best of all that can be its cause."""
+        library, screening = self._cache.library, self._cache.screening(current)
+        testable = [name for name in screening.names if name in self._cache.testable(current)]
+        names = [name for name in testable if can_cause(library.by_name[name], part)]
+        own = [name for name in names if library.by_name[name].component == part.kind]
+        chosen = [screening.single(name) for name in dict.fromkeys((*own[:1], *names[:1]))]
+        return [each for each in chosen if library.allows(each) or current.far_off]
 
     def beside(self, found: ModelWithEffects, certain: Collection[str]) -> ModelWithEffects:
         """The model with formulas beside what imitates anything and is named for itself, where that predicts better.

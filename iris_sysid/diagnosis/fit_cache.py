@@ -178,6 +178,16 @@ class FitCache:
         effects = [with_free_form(other) if other.name == effect.name else other for other in current.effects]
         return self._fitted(current, effects, self._no_starts, forms(effect))
 
+    def with_usual_form(self, current: ModelWithEffects, effect: Effect) -> ModelWithEffects | None:
+        """The model with the form of one of its effects as it usually is, instead of fitted; None where it is held."""
+        if not fitted_forms(effect):
+            return None
+        usual = self.library.by_name[effect.name]
+        effects = [usual if other.name == effect.name else other for other in current.effects]
+        sizes = [fitted.estimates[effect.parameters[0].name].value for fitted in current.fits]
+        starts: list[Starts] = [{effect.name: (size, ())} for size in sizes]
+        return self._fitted(current, effects, starts, [effect.name])
+
     def refits(self, current: ModelWithEffects, candidates: Sequence[Candidate]) -> list[ModelWithEffects]:
         """The usable refits with the most promising candidates, the one with the smallest criterion first."""
         allowed = [candidate for candidate in candidates if self.library.allows(candidate)]

@@ -142,6 +142,9 @@ class StepwiseSearch:
             return None
         if not self._is_needed(current, effect) and self._cache.library.allows_fit(rest):
             return rest
+        usual = self._cache.with_usual_form(current, effect)  # it may have made up for what was added since
+        if usual is not None and usual.usable and cost_above(usual, current) < 0.0:
+            return usual
         rivals = self._cache.rivals(rest, effect)
         if not current.at_noise:  # a rival may lack no more than its form
             rivals += self._formed([current, *rivals[:FORMED]])
