@@ -379,8 +379,8 @@ def _guess(task: PreparedFit, *, needed: bool) -> dict[str, float]:
     values = {p.name: p.default for p in task.model.parameters if p.default is not None}
     seen = [quantity.name for quantity in task.model.observed]
     for state in task.model.states:
-        plain = state.name in seen and task.model.observe is None
-        values[f"{state.name}_0"] = float(task.target.observed[0, seen.index(state.name)]) if plain else 0.0
+        column = seen.index(state.name) if state.name in seen else None
+        values[f"{state.name}_0"] = 0.0 if column is None else float(task.target.observed[0, column])
     clean = np.zeros(task.trajectory.n, dtype=np.bool_)
     clean[task.selection.span] = task.target.used
     try:

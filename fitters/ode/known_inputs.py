@@ -8,6 +8,7 @@ from iris_sysid.errors import FitError
 from iris_sysid.types import Array, Hold, OdeModel, Trajectory
 
 GAP = 1.5  # usual steps between known values of an input: where one is missing there are 2
+USUAL = 0.9  # of the steps are at most as long as the usual one: times may scatter
 REMEDY = "give the parts of the record between the gaps as several tables"
 BRIDGED = {"zero-order": "held at the last value", "linear": "taken on a line"}
 
@@ -57,7 +58,7 @@ def gaps_of_inputs(trajectory: Trajectory, model: OdeModel, span: slice) -> str:
     columns = [column for column, quantity in enumerate(trajectory.input_quantities) if quantity.name in names]
     t_s, known = trajectory.t_s[span], np.isfinite(inputs[span][:, columns]).all(axis=1)
     steps = np.diff(t_s[known])
-    gaps = steps[steps > GAP * np.median(np.diff(t_s))] if t_s.size > 1 else steps
+    gaps = steps[steps > GAP * np.quantile(np.diff(t_s), USUAL)] if t_s.size > 1 else steps
     if not gaps.size:
         return ""
     count = f"{gaps.size} gaps of up to" if gaps.size > 1 else "a gap of"

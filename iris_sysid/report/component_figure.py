@@ -77,7 +77,8 @@ def axis_titles(side: ComponentSide, curve: ComponentCurve) -> tuple[str, str]:
         along = f"{'angular velocity' if unit.startswith('rad') else 'velocity'} of {name.removesuffix(' rate')}"
     else:
         along = name
-    return along, FORCES.get(curve.quantities[0].unit, AXES[side]) if side == "force" else AXES[side]
+    units = {quantity.unit for quantity in curve.quantities}
+    return along, FORCES.get(units.pop(), AXES[side]) if side == "force" and len(units) == 1 else AXES[side]
 
 
 def _draw_bars(

@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from fitters.compose_effects import with_effects
+from fitters.validation_record import validate_model
 from iris_sysid import MODELS, Quantity, diagnose, model_from_equation
 from tests._held_inputs import held_record, states_under
 
@@ -47,3 +49,13 @@ def test_a_slow_sensor_is_named_and_not_a_delay_of_the_input():
     assert [effect.name for effect in found.added] == ["sensor-lag"]
     assert found.sizes["sensor_lag"].value == pytest.approx(0.08, abs=4 * found.sizes["sensor_lag"].stderr)
     assert found.final.estimates["time_constant"].value == pytest.approx(0.4, rel=0.01)
+
+
+def test_a_record_that_begins_in_motion_is_validated_with_sharp_friction_and_an_offset_of_the_sensor():
+    """From rest the sharp friction would hold the motor fast, and no initial state from there leads to the data."""
+    offset, noise = 0.5, 0.05
+    clip = record(rubbing, [11.0], lambda state: state[0] + offset, Quantity("w", "rad/s"), noise)
+    model = with_effects(MOTOR, ["coulomb-friction", "zero-offset"])
+    values = {"K": CONSTANT, "b": VISCOUS, "coulomb_friction": DRY / INERTIA, "zero_offset": offset}
+    found = validate_model(model, values | {"coulomb_turnover": 1e-7}, clip)
+    assert found.rms[0] < 2 * noise

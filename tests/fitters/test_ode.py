@@ -16,6 +16,7 @@ from fitters.models.torricelli import MODEL as TORRICELLI
 from fitters.ode import FitOptions, fit, simulate, single_clip
 from fitters.ode.fit_problem import known_values, prepare, select
 from fitters.ode.global_search import first_horizon, next_horizon
+from fitters.ode.known_inputs import gaps_of_inputs
 from iris_sysid.errors import FitError
 from iris_sysid.registry import MODELS
 from iris_sysid.types import Estimate, OdeModel, Parameter, Quantity, Segment, Trajectory
@@ -483,6 +484,8 @@ def test_an_input_is_held_where_it_is_not_known_and_the_notes_say_how_long():
     result = fit(whole.with_(t_s=whole.t_s[kept], **cut), TANK)
     assert "in 2 gaps of up to 1.1 s and held at the last value" in result.message
     assert "the input is not known" not in fit(whole, TANK).message
+    scattered = whole.t_s + np.random.default_rng(6).uniform(-0.04, 0.04, whole.n)
+    assert not gaps_of_inputs(whole.with_(t_s=scattered), TANK, slice(None))
 
 
 def test_model_in_plain_python_is_fitted_and_the_message_says_so():

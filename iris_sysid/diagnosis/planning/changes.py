@@ -79,7 +79,7 @@ def changes_for(model: OdeModel, start: Mapping[str, float], effects: Sequence[E
         The alternatives: one of them acts.
     """
     found = [REPEAT, replace(REPEAT, name="repeat-3", text="the same three times more", clips=3)]
-    found += [SetUpChange("fast", "four times the frame rate", faster=4.0)]
+    found += [SetUpChange("fast", "four times the frame or sample rate", faster=4.0)]
     found += _motions(model, start)
     found += _bodies(model, effects)
     names = {effect.name for effect in effects}
@@ -96,7 +96,7 @@ def changes_for(model: OdeModel, start: Mapping[str, float], effects: Sequence[E
 
 def _motions(model: OdeModel, start: Mapping[str, float]) -> list[SetUpChange]:
     """Other starts, and longer clips where the motion stays in the picture."""
-    longer = SetUpChange("long", "film three times as long", longer=3.0)
+    longer = SetUpChange("long", "a record three times as long", longer=3.0)
     first, hangs = model.states[0], bool(model.with_role("gravity"))
     if not model.second_order:
         return [longer, *(_level(model, start, factor) for factor in LEVELS)]
