@@ -62,7 +62,7 @@ def rejected_effect_note(scores: Sequence[Score], kind: NoteKind) -> tuple[Diagn
     best, similar = scores[0], [score.effect for score in scores[1:]]
     more = f" and {len(similar) - MAX_NAMED} more" if len(similar) > MAX_NAMED else ""
     others = f" (similar: {', '.join(similar[:MAX_NAMED])}{more})" if similar else ""
-    size = f"{best.effect} = {best.size:.2g} {best.unit}"
+    size = f"{best.effect} = {best.size:.2g} {best.unit}".removesuffix(" 1")
     return (DiagnosticNote(kind, f"the residual fits best with {size}{others}; rejected, {REJECTED[kind]}"),)
 
 

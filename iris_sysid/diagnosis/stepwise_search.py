@@ -146,9 +146,14 @@ class StepwiseSearch:
         if usual is not None and usual.usable and cost_above(usual, current) < 0.0:
             return usual
         rivals = self._cache.rivals(rest, effect)
-        if not current.at_noise:  # a rival may lack no more than its form
+        if not current.at_noise or self._better(current, rivals):  # one may lack no more than its form
             rivals += self._formed([current, *rivals[:FORMED]])
-        return next(iter(best_first([rival for rival in rivals if cost_above(current, rival) > DECISIVE])), None)
+        return next(iter(self._better(current, rivals)), None)
+
+    @staticmethod
+    def _better(current: ModelWithEffects, rivals: Sequence[ModelWithEffects]) -> list[ModelWithEffects]:
+        """The rivals that are decisively likelier, the likeliest first."""
+        return best_first([rival for rival in rivals if cost_above(current, rival) > DECISIVE])
 
     def _formed(self, models: Sequence[ModelWithEffects]) -> list[ModelWithEffects]:
         """The models with the form of one of their effects fitted as well."""
