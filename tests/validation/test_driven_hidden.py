@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from iris_sysid import simulate
+from iris_sysid import diagnose, simulate
 from validation.driven_hidden import CART, HIDDEN, NOISE_M, VALUES, played, record, word
 
 BY_NAME = {hidden.name: hidden for hidden in HIDDEN}
@@ -47,3 +47,19 @@ def found(**rivals):
 )
 def test_verdict_says_what_was_named(hidden, said, expected):
     assert word(BY_NAME[hidden], said) == expected
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("hidden", "seed", "names"),
+    [
+        ("dry friction", 201, {"coulomb-friction"}),  # sharper than the usual one
+        ("friction twice as large at rest", 100, {"coulomb-friction", "velocity-weakening-friction"}),  # a Gaussian
+    ],
+)
+def test_friction_of_another_form_is_named_and_leaves_the_values(hidden, seed, names):
+    said = diagnose(record(BY_NAME[hidden], seed), CART)
+    assert {effect.name for effect in said.added} == names
+    for name, value in VALUES.items():
+        low, high = said.final.estimates[name].interval
+        assert low < value < high, name
