@@ -5,7 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+import numpy as np
+
+from fitters.ode.fit_problem import select
 from fitters.refined_geometry import fit_in_turns, with_constants
+from fitters.selection.observables import as_trajectory, observables_of, raw_of, suits
 from iris_sysid.registry import PHENOMENA
 from iris_sysid.trajectory.consistency.path_shape import phenomenon_doubt
 from iris_sysid.trajectory.observables import observed
@@ -40,6 +44,35 @@ def phenomenon_of(model: OdeModel, trajectory: Trajectory) -> Phenomenon | None:
         if phenomenon.model == model.name and phenomenon.measures == "position" and phenomenon.bodies == 1
     )
     return next(alike, None)
+
+
+def along_path(model: OdeModel, trajectory: Trajectory) -> Trajectory | None:
+    """What a model without a phenomenon observes of positions: the distance along their line, or the angle on a circle.
+
+    Parameters
+    ----------
+    model
+        Observes one quantity, a length or an angle.
+    trajectory
+        Holds x and z (n, 2), m or px, and what is known.
+
+    Returns
+    -------
+    Trajectory or None
+        The samples that are used; None where the model observes nothing that positions show, or what is there already.
+    """
+    names = {quantity.name for quantity in trajectory.quantities}
+    if {quantity.name for quantity in model.observed} <= names or not names >= PLANE or len(model.observed) != 1:
+        return None
+    used = select(trajectory, ("motion",)).used
+    raw = raw_of(trajectory, used)
+    suited = (seen for seen in observables_of(raw, np.ones(raw.t_s.size, np.bool_)) if suits(model, seen))
+    seen = next(suited, None)
+    if seen is None:
+        return None
+    across = trajectory.sigma[used][:, [trajectory.column("x"), trajectory.column("z")]]
+    sigma = np.sqrt(np.mean(across**2, axis=1, keepdims=True)) / (seen.lever * raw.sigma("x", "z"))
+    return as_trajectory(raw.t_s, seen, model).with_(sigma=sigma, known=trajectory.known, sensor=trajectory.sensor)
 
 
 def in_plane(trajectory: Trajectory, phenomenon: Phenomenon) -> Trajectory:

@@ -94,17 +94,17 @@ def read_tables(tables: Sequence[Path], record: RecordArguments, model: OdeModel
 
 
 def from_positions(clip: Trajectory, model: OdeModel) -> tuple[Trajectory, str]:
-    """What a model observes, by the phenomenon that sees it in x and z, and that this was done.
+    """What a model observes of x and z, by its phenomenon or by the line or circle of the path, and that this was done.
 
     The trajectory as it is, and no text, where it already holds what the model observes.
     """
-    from fitters.positions import observed_positions, phenomenon_of
+    from fitters.positions import along_path, observed_positions, phenomenon_of
 
     phenomenon = phenomenon_of(model, clip)
-    if phenomenon is None:
+    seen = along_path(model, clip) if phenomenon is None else observed_positions(clip, phenomenon, clip.known)
+    if seen is None:
         return clip, ""
-    names = ", ".join(quantity.name for quantity in model.observed)
-    return observed_positions(clip, phenomenon, clip.known), f"{names} of the model {model.name} from x and z"
+    return seen, f"{', '.join(quantity.name for quantity in model.observed)} of the model {model.name} from x and z"
 
 
 def _check_quantities(clip: Trajectory, model: OdeModel, table: Path) -> None:

@@ -520,7 +520,8 @@ def observe_and_fit(
     world, trajectory, result = fit_in_turns(phenomenon, settings, observing)
     another = phenomenon_doubt(world[0], phenomenon)  # then gravity says nothing of clock and scale
     seen = (another,) if another else gravity_doubts(tracks, world, calibration, phenomenon, result, trajectory)
-    doubts = (*seen, *calibration.doubts, *trajectory.doubts)
+    # a track that may not be on the body says little of clock and scale: its doubts are first
+    doubts = (*trajectory.doubts, *seen, *calibration.doubts)
     return world, trajectory.with_(doubts=doubts), replace(result, doubts=doubts)
 
 

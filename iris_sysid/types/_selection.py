@@ -51,7 +51,7 @@ def _poor_prediction(chosen: ModelCandidate) -> Doubt | None:
         return None
     finding = f"{chosen.model} predicts what was held out with an error of {chosen.heldout:.3g} times the noise, "
     finding += f"where up to {usual:.2g} would be usual"
-    return Doubt("incomplete", finding, "The equation may lack an effect: look at the residual, or diagnose it")
+    return Doubt("poorly-predicted", finding, "The equation may lack an effect: look at the residual, or diagnose it")
 
 
 @dataclass(frozen=True, eq=False, slots=True)

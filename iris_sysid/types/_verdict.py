@@ -42,6 +42,7 @@ ResultDoubtKind = Literal[
     "incomplete",
     "imprecise",
     "little-explained",
+    "poorly-predicted",
 ]
 DoubtKind = Literal[TrackDoubtKind, ResultDoubtKind, FitReason]
 VerdictWord = Literal["good", "doubtful", "failed"]

@@ -237,7 +237,7 @@ def falling(drag, seed=0):
 def test_equation_that_predicts_far_worse_than_the_noise_explains_is_doubted():
     with_drag = select_model(falling(0.3), ["free-fall"])
     assert with_drag.chosen.heldout > 4 * with_drag.chosen.expected
-    assert any(doubt.kind == "incomplete" for doubt in with_drag.verdict.reasons)
+    assert any(doubt.kind == "poorly-predicted" for doubt in with_drag.verdict.number_reasons)
     for seed in range(5):
         right = select_model(falling(0.0, seed), ["free-fall"])
-        assert not any(doubt.kind == "incomplete" for doubt in right.verdict.reasons)
+        assert not any(doubt.kind == "poorly-predicted" for doubt in right.verdict.reasons)

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -265,6 +266,19 @@ def a_track(xy_px, **more):
     clip = moving_disc(np.asarray(xy_px, float), 9, (96, 160))
     (track,) = TRACKERS["median-background"].track(clip, TrackOptions())
     return clip, replace(track, **more)
+
+
+def test_what_has_not_the_stated_colour_is_no_rival_of_the_body():
+    angles = 0.6 * np.cos(2 * np.pi * np.arange(40) / 26.3)
+    ends = np.column_stack([160 + 150 * np.sin(angles), 20 + 150 * np.cos(angles)])
+    images = [np.full((200, 320, 3), (150, 165, 172), np.uint8) for _ in ends]
+    for image, end in zip(images, ends, strict=True):
+        cv2.line(image, (160, 20), tuple(np.rint(end).astype(int)), (110, 90, 60), 9, cv2.LINE_AA)
+        cv2.circle(image, tuple(np.rint(end).astype(int)), 8, (20, 20, 200), -1, cv2.LINE_AA)
+    (track,) = AUTO.track(DrawnClip(images), TrackOptions(colour="red"))
+    assert np.nanmax(np.hypot(*(track.xy_px - ends).T)) < 3.0
+    assert not track.quality.doubtful
+    assert track.quality.evidence["rival"] == 0.0
 
 
 def scene_of(clip):

@@ -10,6 +10,7 @@ from iris_sysid.trajectory.circle import circle_through
 from iris_sysid.trajectory.consistency.angle_unit import short_pendulum_doubt, with_degrees_doubt
 from iris_sysid.trajectory.consistency.gravity_scale import circle_radius
 from iris_sysid.trajectory.consistency.path_shape import reversals
+from iris_sysid.types import Doubt, TrackQuality
 
 PX_M = 400.0
 SCALE = scale(PX_M, 1.0)
@@ -39,14 +40,13 @@ def slide(t_s=SWING_S):
     return t_s, np.column_stack([0.87 * along, -0.5 * along])
 
 
-def result(path, phenomenon, slow=1.0, calibration=SCALE, settings=None, radius_px=12.0):
+def result(path, phenomenon, slow=1.0, calibration=SCALE, settings=None, radius_px=12.0, quality=None):
     """The fit of a path in m, filmed at 400 px/m with errors of 0.05 px, by a clock that runs slow."""
     t_s, position = path
     n, rng = t_s.size, np.random.default_rng(1)
     xy_px = PX_M * position * [1, -1] + [320, 300] + 0.05 * rng.standard_normal((n, 2))
-    track = Track(
-        t_s * slow, xy_px, np.full((n, 2), 0.05), np.ones(n, bool), np.arange(n), radius_px=np.full(n, radius_px)
-    )
+    sigma, valid, radius = np.full((n, 2), 0.05), np.ones(n, bool), np.full(n, radius_px)
+    track = Track(t_s * slow, xy_px, sigma, valid, np.arange(n), radius_px=radius, quality=quality)
     _, trajectory, fit = observe_and_fit([track], calibration, PHENOMENA[phenomenon], settings or {})
     assert trajectory.doubts == fit.doubts
     return fit
@@ -115,6 +115,26 @@ def test_a_swing_that_the_equation_does_not_explain_says_nothing_of_clock_and_sc
     kinds = {doubt.kind for doubt in fit.verdict.reasons}
     assert "little-explained" in kinds
     assert not kinds & {"clock", "scale"}
+
+
+def test_a_fall_that_comes_to_a_steady_speed_says_nothing_of_clock_and_scale():
+    t_s, speed = np.arange(0, 1.2, 1 / 60), 1.6  # m/s: a coffee filter
+    fallen = speed**2 / 9.81 * np.log(np.cosh(9.81 * t_s / speed))
+    fit = result((t_s, np.column_stack([0 * t_s, -fallen])), "dropping-ball")
+    assert not {doubt.kind for doubt in fit.verdict.reasons} & {"clock", "scale"}
+    assert not fit.verdict.good
+
+
+def test_a_rod_may_have_another_length_than_its_arc_has_a_radius():
+    t_s, bob = swing(length_m=0.4)
+    (doubt, *_) = result((t_s, 1.5 * bob), "pendulum").verdict.reasons
+    assert "for a rod" in doubt.finding
+
+
+def test_doubts_about_the_track_come_before_those_about_clock_and_scale():
+    lost = TrackQuality((Doubt("another-body", "it shows something else", "mark it"),), {})
+    kinds = [doubt.kind for doubt in result(swing(), "pendulum", slow=2.0, quality=lost).verdict.reasons]
+    assert kinds.index("another-body") < kinds.index("clock")
 
 
 @pytest.mark.parametrize("phenomenon", ["dropping-ball", "projectile"])

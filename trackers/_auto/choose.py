@@ -88,7 +88,9 @@ class TrackerSelection:
         """The bodies that move farthest before the still background."""
         moving = follow(self.video, self.options)
         self._moving = moving
-        self.scene.known = None if moving.setup is None else moving.setup.still
+        if moving.setup is not None:
+            self.scene.known = moving.setup.still
+            self.scene.view = replace(self.scene.view, colour=moving.setup.view.colour)
         return moving.tracks("auto", self.options)
 
     def at_marks(self) -> list[Track]:

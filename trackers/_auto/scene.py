@@ -23,7 +23,8 @@ Place = tuple[float, float]
 class SampledScene:
     """The sampled frames of a clip; what they show is worked out once, when it is first needed.
 
-    ``view`` is the region of interest, ``known`` the background of the samples, where it is known.
+    ``view`` is the region of interest and the colour of the body, where one was stated; ``known`` the background of the
+    samples, where it is known.
     """
 
     view: WorkingView
@@ -57,7 +58,7 @@ class SampledScene:
 
     @cached_property
     def _survey(self) -> tuple[Image, list[list[Blob]]]:
-        return foregrounds_of(self.images, self.known)
+        return foregrounds_of(self.images, self.known, [self.view.colour_mask(frame) for frame in self.frames])
 
     def rows(self, track: Track) -> dict[int, int]:
         """The row of a track in each sample, by the sample's number; samples outside of the track are left out."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import partial
+from itertools import repeat
 
 import cv2
 import numpy as np
@@ -122,18 +122,22 @@ def kinds_of(images: Sequence[Bytes], still: Image, foregrounds: Sequence[Sequen
     return sorted(often, key=lambda kind: -kind.salience)[:MAX_KINDS]
 
 
-def foregrounds_of(images: Sequence[Bytes], known: BackgroundEstimate | None = None) -> tuple[Image, list[list[Blob]]]:
+def foregrounds_of(
+    images: Sequence[Bytes], known: BackgroundEstimate | None = None, colours: Sequence[Flags | None] | None = None
+) -> tuple[Image, list[list[Blob]]]:
     """The still background (h, w, 3) of sampled search images (h, w, 3), and what differs from it in each of them.
 
     A body that rests in most of them differs too: the others show the scenery behind it. The background is the
-    ``known`` one of these images if there is one of their size.
+    ``known`` one of these images if there is one of their size. ``colours`` are the pixels (h, w) of each image that
+    have the colour of the body, where one was stated: nothing else counts.
     """
     if known is None or known.background.shape != images[0].shape:
         known = _still_background(np.stack(images))
     background_range = background_range_of(known)
     # light that flickers or adapts moves the whole image: the middle difference is not motion
     levelled = (_levelled(image, known.background) for image in images)
-    return known.background, list(ahead(partial(blobs, background_range), levelled))
+    pairs = zip(levelled, repeat(None) if colours is None else colours, strict=False)
+    return known.background, list(ahead(lambda pair: blobs(background_range, *pair), pairs))
 
 
 def _still_background(stack: Bytes) -> BackgroundEstimate:

@@ -135,18 +135,34 @@ def _metres(
 
 
 def _of_a_flight(body: Trajectory, gravity: float) -> GravityMetre | None:
-    """From the parabola of the height over time."""
+    """From the parabola of the height over time, whose acceleration is uncertain by how much it changes on the way.
+
+    A wrong clock changes the acceleration of a fall, but leaves it constant.
+    """
     used = body.valid & body.mask("motion")
     if used.sum() < MIN_SAMPLES:
         return None
     t_s, height = body.t_s[used] - body.t_s[used][0], body.position[used, body.column("z")]
     coefficients, covariance = np.polyfit(t_s, height, 2, cov=True)
-    acceleration, stderr = -2 * float(coefficients[0]), 2 * math.sqrt(float(covariance[0, 0]))
+    acceleration, random = -2 * float(coefficients[0]), 2 * math.sqrt(float(covariance[0, 0]))
+    stderr = math.hypot(random, _change_of_acceleration(t_s, height))
     if not acceleration > MIN_SIGMAS * stderr:
         return None
     unit = body.quantities[0].unit
     shown = f"it falls with {acceleration:.3g} {unit}/s^2, not {gravity:.4g} m/s^2"
     return GravityMetre(gravity / acceleration, stderr / acceleration, shown)
+
+
+def _change_of_acceleration(t_s: Array, height: Array) -> float:
+    """Standard deviation of the acceleration along a flight, from its cubic term; 0 where noise explains that term.
+
+    ``t_s`` (n,) and ``height`` (n,).
+    """
+    if t_s.size <= MIN_SAMPLES:
+        return 0.0
+    (jerk, *_), covariance = np.polyfit(t_s, height, 3, cov=True)
+    beyond_noise = max(float(jerk) ** 2 - MIN_SIGMAS**2 * float(covariance[0, 0]), 0.0)
+    return 6 * math.sqrt(beyond_noise / 12) * float(np.ptp(t_s))  # 12: variance of a uniform distribution
 
 
 def _of_a_swing(body: Trajectory, fit: FitResult, gravity: float, name: str) -> GravityMetre | None:
@@ -165,6 +181,7 @@ def _of_a_swing(body: Trajectory, fit: FitResult, gravity: float, name: str) -> 
     by_period = length.value * gravity / fitted.value
     unit = body.quantities[0].unit
     shown = f"by its period the pendulum is {by_period:.3g} m long, its arc has a radius of {radius:.3g} {unit}"
+    shown += "; for a rod, whose mass lies all along it, both can be right"
     return GravityMetre(by_period / radius, math.hypot(stderr / radius, relative_error(length)), shown)
 
 
