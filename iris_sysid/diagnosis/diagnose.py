@@ -155,9 +155,7 @@ def diagnose(
         budget.allow(SEARCH_SHARE)
         judgement = every.in_weak_form()  # windows of all samples cost little
         world = OpenWorld(cache.for_search(), components) if judgement is None else every
-        found = world.continued(judgement.model) if judgement is not None else world.searched()
-        if judgement is not None and found is not judgement.model:
-            judgement = world.judged(found)
+        found = judgement.model if judgement is not None else world.searched()
         if judgement is None and not found.explains:  # there the likelihood compares rivals, as a rule
             judgement = world.judged(found)
         budget.allow(1.0)

@@ -62,11 +62,6 @@ class EffectSearch:
             current = self._best(self._cache.base, [current, *self._of_parts()]) or current
         return self._with_nuisances(current)
 
-    def continued(self, start: ModelWithEffects) -> ModelWithEffects:
-        """The model with more effects that have a formula, where these surely predict better; or as it was."""
-        current = self._with_formulas(self._cache.with_effects(start.effects, starts_of(start, start.effects)))
-        return start if len(current.effects) == len(start.effects) else self._pruned(current)
-
     def _alone(self) -> ModelWithEffects | None:
         """The best single effect that explains the data to the noise; None where none does.
 

@@ -16,8 +16,8 @@ from iris_sysid.diagnosis.refit import (
     Starts,
     fit_from,
     fitted_forms,
+    forms,
     free_values,
-    held_forms,
     refitted,
     with_free_form,
 )
@@ -168,8 +168,7 @@ class FitCache:
 
         None where the effect has no form that is held, or the residual does not call for another one.
         """
-        held = held_forms(effect)
-        if not held:
+        if not forms(effect) or fitted_forms(effect):
             return None
         key = current.key, effect.name
         if key not in self._open:
@@ -177,7 +176,7 @@ class FitCache:
         if not self._open[key]:
             return None
         effects = [with_free_form(other) if other.name == effect.name else other for other in current.effects]
-        return self._fitted(current, effects, self._no_starts, held)
+        return self._fitted(current, effects, self._no_starts, forms(effect))
 
     def with_usual_form(self, current: ModelWithEffects, effect: Effect) -> ModelWithEffects | None:
         """The model with the form of one of its effects as it usually is, instead of fitted; None where it is held."""

@@ -13,7 +13,7 @@ import numpy as np
 
 from fitters.ode import FitRequest
 from fitters.ode.simulation import predicted_by
-from iris_sysid.diagnosis.refit import ACCURATE, ModelWithEffects, estimate_values, held_forms
+from iris_sysid.diagnosis.refit import ACCURATE, ModelWithEffects, estimate_values, forms
 from iris_sysid.types import Array, Effect, FitResult
 
 STEP = 1e-3  # by which a form is changed for a derivative, relative to it
@@ -33,7 +33,7 @@ def is_form_open(clips: Sequence[FitRequest], model: ModelWithEffects, effect: E
         One of its effects, whose form is held.
     """
     each_clip = list(zip(clips, model.fits, model.units, strict=True))
-    return any(sum(_chi2(*clip, name) for clip in each_clip) >= WORTH_FITTING for name in held_forms(effect))
+    return any(sum(_chi2(*clip, name) for clip in each_clip) >= WORTH_FITTING for name in forms(effect))
 
 
 def _chi2(clip: FitRequest, fitted: FitResult, unit: Array, name: str) -> float:

@@ -85,10 +85,6 @@ class OpenWorld:
         fixed = {effect.name for effect in found.effects if effect.name in named and effect.has_fixed_form}
         return self._search.beside(found, fixed) if fixed else found
 
-    def continued(self, found: ModelWithEffects) -> ModelWithEffects:
-        """The model with what the free run says is missing beside its effects, where it is near enough to tell that."""
-        return found if found.explains or found.far_off else self._search.continued(found)
-
     def judged(self, current: ModelWithEffects) -> Judgement:
         """What each effect of a model is that was searched for."""
         if not current.effects:

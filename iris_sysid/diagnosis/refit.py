@@ -108,11 +108,6 @@ def fitted_forms(effect: Effect) -> tuple[str, ...]:
     return tuple(name for name in forms(effect) if not _parameter(effect, name).constant)
 
 
-def held_forms(effect: Effect) -> tuple[str, ...]:
-    """Those of :func:`forms` that are held."""
-    return tuple(name for name in forms(effect) if _parameter(effect, name).constant)
-
-
 def with_free_form(effect: Effect) -> Effect:
     """The effect with its form fitted as well."""
     free = [replace(each, constant=False) if each.role == "form" else each for each in effect.parameters]

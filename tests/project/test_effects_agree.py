@@ -21,7 +21,7 @@ from validation import blind_video, search
 START = {"release-velocity"}  # an initial value, which every fit estimates: no effect that an equation may lack
 SHAPES = {
     "periodic-forcing": (2 * math.pi * FORCING_HZ, 0.0, 0.0),
-    "velocity-weakening-friction": (WEAKENING_SPEED, 1.0, 0.03),  # power, speed of the turnover
+    "velocity-weakening-friction": (WEAKENING_SPEED, 0.03),  # the second is the speed of the turnover
 }
 MOTIONS = [(0.4, 0.3, 1.7), (1.9, -0.2, 2.5), (0.2, 0.5, -3.1)]  # s, position, velocity: fast, where friction is dry
 
