@@ -76,16 +76,20 @@ class EffectSearch:
         models = [self._cache.with_added(base, screening.single(name)) for name in (*formulas, *absorbing[:ABSORBING])]
         return self._best(base, [model for model in models if model.usable and model.explains])
 
-    def testable(self, current: ModelWithEffects, *, absorbs: bool) -> list[str]:
-        """The effects that can be tested beside a model, best first: with a formula, or that imitate anything."""
+    def testable(self, current: ModelWithEffects, *, absorbs: bool | None = None) -> list[str]:
+        """The effects that can be tested beside a model, best first: all, with a formula, or that imitate anything."""
         testable, library = self._cache.testable(current), self._cache.library.by_name
         names = self._cache.screening(current).names
-        return [name for name in names if name in testable and library[name].absorbs == absorbs]
+        return [name for name in names if name in testable and absorbs in (None, library[name].absorbs)]
+
+    def _possible(self, current: ModelWithEffects, names: Sequence[str]) -> list[str]:
+        """Those of a possible sign to first order; all where that tells nothing."""
+        screening = self._cache.screening(current)
+        return [name for name in names if self._cache.library.allows(screening.single(name)) or current.far_off]
 
     def _formulas(self, current: ModelWithEffects) -> list[str]:
-        """Those with a formula that are of a possible sign to first order; all where that tells nothing."""
-        names, screening = self.testable(current, absorbs=False), self._cache.screening(current)
-        return [name for name in names if self._cache.library.allows(screening.single(name)) or current.far_off]
+        """Those with a formula that are of a possible sign."""
+        return self._possible(current, self.testable(current, absorbs=False))
 
     def _with_formulas(self, current: ModelWithEffects) -> ModelWithEffects:
         """The model with the effects that have a formula and improve the prediction, one or two at a time."""
@@ -238,18 +242,16 @@ class EffectSearch:
         base, parts = self._cache.base, self._support.parts[:AT_ONCE]
         if len(parts) < AT_ONCE:
             return []
-        singles = [self._cache.with_added(base, each) for each in self._causes(base, parts[0])]
-        usable = [model for model in singles if model.usable]
-        return [self._cache.with_added(model, each) for model in usable for each in self._causes(model, parts[1])]
+        singles = self._with_causes(base, parts[0])
+        return [model for single in singles if single.usable for model in self._with_causes(single, parts[1])]
 
-    def _causes(self, current: ModelWithEffects, part: Component) -> list[Candidate]:
-        """The best effect of the kind of a component, and the best of all that can be its cause."""
-        library, screening = self._cache.library, self._cache.screening(current)
-        testable = [name for name in screening.names if name in self._cache.testable(current)]
-        names = [name for name in testable if can_cause(library.by_name[name], part)]
-        own = [name for name in names if library.by_name[name].component == part.kind]
-        chosen = [screening.single(name) for name in dict.fromkeys((*own[:1], *names[:1]))]
-        return [each for each in chosen if library.allows(each) or current.far_off]
+    def _with_causes(self, current: ModelWithEffects, part: Component) -> list[ModelWithEffects]:
+        """Refits with the best effect of the kind of a component, and with the best of all that can be its cause."""
+        library, screening = self._cache.library.by_name, self._cache.screening(current)
+        names = [name for name in self.testable(current) if can_cause(library[name], part)]
+        own = [name for name in names if library[name].component == part.kind]
+        chosen = self._possible(current, list(dict.fromkeys((*own[:1], *names[:1]))))
+        return [self._cache.with_added(current, screening.single(name)) for name in chosen]
 
     def beside(self, found: ModelWithEffects, certain: Collection[str]) -> ModelWithEffects:
         """The model with formulas beside what imitates anything and is named for itself, where that predicts better.

@@ -10,7 +10,7 @@ from fitters.ode import FitRequest
 from fitters.ode.known_inputs import gaps_of_inputs
 from fitters.ode.result import energy_gains
 from iris_sysid.diagnosis.measurement_errors import RESOLVED_AT, RESOLVED_SAMPLES
-from iris_sysid.types import DiagnosticNote, Estimate, FitResult, NoteKind, Score
+from iris_sysid.types import DiagnosticNote, Estimate, FitResult, NoteKind, Score, with_unit
 
 MAX_NAMED = 3  # clips or effects that a note names; further ones are counted
 REJECTED = {
@@ -62,7 +62,7 @@ def rejected_effect_note(scores: Sequence[Score], kind: NoteKind) -> tuple[Diagn
     best, similar = scores[0], [score.effect for score in scores[1:]]
     more = f" and {len(similar) - MAX_NAMED} more" if len(similar) > MAX_NAMED else ""
     others = f" (similar: {', '.join(similar[:MAX_NAMED])}{more})" if similar else ""
-    size = f"{best.effect} = {best.size:.2g} {best.unit}".removesuffix(" 1")
+    size = f"{best.effect} = {with_unit(f'{best.size:.2g}', best.unit)}"
     return (DiagnosticNote(kind, f"the residual fits best with {size}{others}; rejected, {REJECTED[kind]}"),)
 
 
@@ -75,7 +75,7 @@ def weak_notes(sizes: Sequence[tuple[str, Estimate]]) -> tuple[DiagnosticNote, .
         Name and size of each.
     """
     texts = [
-        f"{name} = {size.value:.2g} {size.unit} is not named: "
+        f"{name} = {with_unit(f'{size.value:.2g}', size.unit)} is not named: "
         + (f"its 95 % interval, {low:.2g} to {high:.2g}, holds zero" if low < high else "its error is not known")
         for name, size in sizes
         for low, high in [size.interval]

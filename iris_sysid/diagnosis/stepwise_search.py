@@ -146,14 +146,10 @@ class StepwiseSearch:
         if usual is not None and usual.usable and cost_above(usual, current) < 0.0:
             return usual
         rivals = self._cache.rivals(rest, effect)
-        if not current.at_noise or self._better(current, rivals):  # one may lack no more than its form
-            rivals += self._formed([current, *rivals[:FORMED]])
-        return next(iter(self._better(current, rivals)), None)
-
-    @staticmethod
-    def _better(current: ModelWithEffects, rivals: Sequence[ModelWithEffects]) -> list[ModelWithEffects]:
-        """The rivals that are decisively likelier, the likeliest first."""
-        return best_first([rival for rival in rivals if cost_above(current, rival) > DECISIVE])
+        better = _likelier(current, rivals)
+        if better or not current.at_noise:  # one may lack no more than its form
+            better += _likelier(current, self._formed([current, *rivals[:FORMED]]))
+        return next(iter(best_first(better)), None)
 
     def _formed(self, models: Sequence[ModelWithEffects]) -> list[ModelWithEffects]:
         """The models with the form of one of their effects fitted as well."""
@@ -164,3 +160,8 @@ class StepwiseSearch:
     def _predicts_better(self, candidate: ModelWithEffects, current: ModelWithEffects) -> bool:
         """Whether samples that were left out are predicted better; false where none can be left out."""
         return self._cache.validation_error(candidate) < self._cache.validation_error(current)
+
+
+def _likelier(current: ModelWithEffects, rivals: Sequence[ModelWithEffects]) -> list[ModelWithEffects]:
+    """The rivals that are decisively likelier."""
+    return [rival for rival in rivals if cost_above(current, rival) > DECISIVE]

@@ -8,8 +8,8 @@ import numpy as np
 
 from iris_sysid.report.diagnosis_text import changed_parameters, size_text
 from iris_sysid.report.page import Section, fit_section, numbers, words
-from iris_sysid.report.text import as_sentence, interval_text, probability_text, with_error, with_unit
-from iris_sysid.types import Diagnosis, EffectCause, FitResult, Score, Trajectory
+from iris_sysid.report.text import as_sentence, interval_text, probability_text, with_error
+from iris_sysid.types import Diagnosis, EffectCause, FitResult, Score, Trajectory, with_unit
 
 MIN_SHARE = 0.0005  # of the residual; a smaller part is "0.0 %"
 WITHOUT, WITH = "without the added effects", "with the added effects"

@@ -15,7 +15,6 @@ from iris_sysid.report.text import (
     rounded_to_error,
     shown_unit,
     with_error,
-    with_unit,
 )
 from iris_sysid.types import (
     KIND_NAMES,
@@ -31,6 +30,7 @@ from iris_sysid.types import (
     Estimate,
     Finding,
     times_text,
+    with_unit,
 )
 
 MIN_SHARE = 0.03  # of a part of the residual that the sentence mentions

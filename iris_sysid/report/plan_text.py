@@ -15,7 +15,7 @@ from iris_sysid.diagnosis.planning.precision import Need
 from iris_sysid.diagnosis.planning.rivals import NOTHING
 from iris_sysid.errors import UnknownNameError
 from iris_sysid.io.schemas import LimitsDocument, PlanDocument
-from iris_sysid.report.text import with_unit
+from iris_sysid.types import with_unit
 
 MAX_SHOWN = 12
 BETTER = 0.1  # by which the best proposal's power must exceed that of a repeat to be called better

@@ -7,7 +7,18 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from iris_sysid.types import SPOKEN, Discovery, Estimate, FitResult, Match, PooledFit, Segment, Trajectory, Verdict
+from iris_sysid.types import (
+    SPOKEN,
+    Discovery,
+    Estimate,
+    FitResult,
+    Match,
+    PooledFit,
+    Segment,
+    Trajectory,
+    Verdict,
+    with_unit,
+)
 
 DEGREES: Mapping[str, tuple[str, float]] = {"rad": ("°", 180 / math.pi), "rad/s": ("°/s", 180 / math.pi)}
 NOTEWORTHY = 0.2  # smallest inclusion at which a term that was not selected is shown
@@ -67,11 +78,6 @@ def number_and_unit(estimate: Estimate) -> tuple[str, str]:
     unit, factor = shown_unit(estimate.unit)
     value, stderr = rounded_to_error(factor * estimate.value, factor * estimate.stderr)
     return f"{value} ± {stderr}" if stderr else value, "" if unit == "1" else unit
-
-
-def with_unit(number: str, unit: str) -> str:
-    """A number with its unit, if it has one."""
-    return number if unit in ("", "1") else f"{number} {unit}"
 
 
 def round_step(value: float) -> float:

@@ -88,6 +88,7 @@ from iris_sysid.types._numbers import Estimate as Estimate
 from iris_sysid.types._numbers import Quantity as Quantity
 from iris_sysid.types._numbers import symbol_of as symbol_of
 from iris_sysid.types._numbers import unit_suffix as unit_suffix
+from iris_sysid.types._numbers import with_unit as with_unit
 from iris_sysid.types._pickling import OWN_FILE as OWN_FILE
 from iris_sysid.types._pickling import picklable as picklable
 from iris_sysid.types._plugins import BenchmarkClass as BenchmarkClass

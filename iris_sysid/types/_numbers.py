@@ -33,6 +33,11 @@ def unit_suffix(unit: str) -> str:
     return unit.replace("^", "").replace("/", "_").replace(" ", "_").replace("-", "") or "1"
 
 
+def with_unit(number: str, unit: str) -> str:
+    """A number with its unit, if it has one."""
+    return number if unit in ("", "1") else f"{number} {unit}"
+
+
 def symbol_of(name: str) -> str:
     r"""The LaTeX symbol that a name suggests: ``theta1`` gives ``\theta_{1}``."""
     letters, digits = re.fullmatch(r"(.*?)([0-9]*)", name, re.S).groups()  # type: ignore[union-attr]  # always matches
@@ -72,4 +77,4 @@ class Estimate:
     def __str__(self) -> str:
         """Value, standard error and unit, e.g. ``0.5 ± 0.001 m``."""
         error = f" ± {self.stderr:.2g}" if self.stderr > 0 else ""
-        return f"{self.value:.6g}{error}{f' {self.unit}' if self.unit not in ('', '1') else ''}"
+        return with_unit(f"{self.value:.6g}{error}", self.unit)
