@@ -43,4 +43,4 @@ def test_size_without_an_error_is_not_known_to_differ_from_zero(stderr, unsure):
 
 def test_note_on_a_size_without_an_error_gives_no_interval():
     (note,) = weak_notes([("drag", Estimate(1.0, 0.0, "1", "fitted"))])
-    assert note.text == "drag = 1 1 is not named: its error is not known"
+    assert note.text == "drag = 1 is not named: its error is not known"
