@@ -22,7 +22,7 @@ from iris_sysid.types import Array, Effect, Event, OdeModel, Quantity, Trajector
 # One line a derivative, so that the composed function holds numbers and tuples only, as numba needs.
 _SOURCE = """
 def rhs(t, state, params{inputs}):
-    slopes = base(t, {own}, {model_params}{inputs})
+    slopes = base(t, {own}, {model_params}{inputs}){still}
     sizes = {effect_params}
     {remembered}
     return {slopes}
@@ -58,7 +58,7 @@ def with_effects(model: str | OdeModel, effects: Sequence[str | Effect], view: V
     model
         The governing equation, or the name of a registered one.
     effects
-        The effects, or their names, in the order in which they act.
+        The effects, or their names, in the order in which they act; those that change the model's own force come first.
     view
         How the observed quantities lie in the image, for effects of a camera; where it is None, the picture is taken
         to lie about the motion.
@@ -76,7 +76,7 @@ def with_effects(model: str | OdeModel, effects: Sequence[str | Effect], view: V
     ('pendulum + quadratic-drag', '1/rad')
     """
     model = MODELS.resolved(model)
-    for effect in EFFECTS.all_resolved(effects):
+    for effect in in_order(EFFECTS.all_resolved(effects), model):
         model = with_effect(model, effect, view)
     return model
 
@@ -166,6 +166,7 @@ def pushed_bodies(model: OdeModel) -> list[list[int]]:
 def _rhs(model: OdeModel, effect: Effect) -> Callable[..., tuple[float, ...]]:
     count = model.degrees_of_freedom
     shift = count if model.second_order else 0
+    still = _still(model) if is_at_rest(effect, model) else ""
     moving = "state" if model.has_velocity else "slopes"
     velocity = [f"{moving}[{shift + k}]" for k in range(count)]
     lines = [f"slopes[{k}]" for k in range(shift + count)]
@@ -173,17 +174,42 @@ def _rhs(model: OdeModel, effect: Effect) -> Callable[..., tuple[float, ...]]:
         speed = f"root({' + '.join(f'{velocity[k]} * {velocity[k]}' for k in body)})"
         for k in body:
             base = f"slopes[{shift + k}]"
+            own = f"still[{shift + k}]" if still else base
             more = ", hidden" if effect.hidden else ""
-            lines[shift + k] = f"{base} + term(t, state[{k}], {velocity[k]}, {speed}, {base}, sizes{more})"
+            lines[shift + k] = f"{base} + term(t, state[{k}], {velocity[k]}, {speed}, {own}, sizes{more})"
     lines += [f"slopes[{k}]" for k in range(len(model.own_states), len(model.states))]
     if effect.memory is None:
-        return _compiled(model.rhs, effect.acceleration, _shape(model, effect), tuple(lines))
+        return _compiled(model.rhs, effect.acceleration, _shape(model, effect), tuple(lines), None, "", still)
     if count != 1:
         raise FitError(f"the effect {effect.name!r} has a memory: it acts on one degree of freedom, not {count}")
     here = f"t, state[0], {velocity[0]}, slopes[{shift}], sizes"
     lines += [f"rates[{k}]" for k in range(len(effect.hidden))]
     remembered = f"hidden = {row('state', len(effect.hidden), first=len(model.states))}; rates = memory({here}, hidden)"
     return _compiled(model.rhs, effect.acceleration, _shape(model, effect), tuple(lines), effect.memory, remembered)
+
+
+def is_at_rest(effect: Effect, model: OdeModel) -> bool:
+    """Whether an effect changes what a model's own force is at zero velocity, and not the whole."""
+    return effect.acts_at_rest is not None and effect.acts_at_rest(model)
+
+
+def in_order(effects: Sequence[Effect], model: OdeModel) -> list[Effect]:
+    """Effects in the order in which they act: first those on the model's own force at rest, which no other changes."""
+    return sorted(effects, key=lambda effect: not is_at_rest(effect, model))
+
+
+def at_rest(states: Array, model: OdeModel) -> Array:
+    """The states (n, s) of a model with its velocities at zero."""
+    still = states.copy()
+    still[:, model.forced_states] = 0.0
+    return still
+
+
+def _still(model: OdeModel) -> str:
+    """The state of a model with its velocities at zero, as source."""
+    moving = range(*model.forced_states.indices(len(model.states)))
+    each = ("0.0" if k in moving else f"state[{k}]" for k in range(len(model.states)))
+    return f"({', '.join(each)},)"
 
 
 def _unchanged_rhs(model: OdeModel, effect: Effect) -> Callable[..., tuple[float, ...]]:
@@ -204,6 +230,7 @@ def _compiled(
     lines: tuple[str, ...],
     memory: Callable[..., tuple[float, ...]] | None = None,
     remembered: str = "",
+    still: str = "",
 ) -> Callable[..., tuple[float, ...]]:
     """Make the function from numbers of states and parameters alone; nothing in it comes from a file.
 
@@ -213,6 +240,7 @@ def _compiled(
     source = _SOURCE.format(
         own=row("state", len(lines) - hidden) if hidden else "state",
         remembered=remembered,
+        still=f"; still = base(t, {still}, {row('params', count)})" if still else "",
         inputs=", inputs" if inputs else "",
         model_params=row("params", count),
         effect_params=row("params", added, first=count),
@@ -222,6 +250,8 @@ def _compiled(
     if term is None:
         return followed_by(generated(source, values), base, (count, inputs), None)
     values["term"] = register_jitable(term)
+    if still:  # the base is called twice: the whole is compiled
+        return generated(source, values)
     if memory is not None:
         values["memory"] = register_jitable(memory)
     step = _step(term, added, lines, memory, remembered)

@@ -17,7 +17,7 @@ from numba.extending import register_jitable
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from fitters.compose_effects import forced, plain_observation, pushed_bodies
+from fitters.compose_effects import at_rest, forced, is_at_rest, plain_observation, pushed_bodies
 from fitters.image_effects import through, view_of
 from fitters.integrator.codegen import generated
 from fitters.integrator.initial_value_problem import InitialValueProblem, initial_value_problem
@@ -304,7 +304,10 @@ def sensitivities(
         effect = through(effect, fitted.model, view_of(trajectory, fitted.model))
         return np.array([_seen_change(effect, fitted, each) for each in sizes])
     motion = motion or motion_of(fitted, trajectory)
-    where = fitted.model, motion.grid, motion.states, motion.slopes
+    base = motion.slopes
+    if is_at_rest(effect, motion.model):
+        base = rates(motion.model, motion.grid, at_rest(motion.states, motion.model), motion.values, motion.inputs)
+    where = fitted.model, motion.grid, motion.states, base
     count = max(FORCES_AT_ONCE // motion.grid.size, 1)
     groups = (sizes[first : first + count] for first in range(0, len(sizes), count))
     return np.concatenate([motion.answers(forces_along(effect, group, *where)) for group in groups])
@@ -421,7 +424,7 @@ def force_along(effect: Effect, sizes: Array, model: OdeModel, t_s: Array, state
     t_s
         (n,) s.
     states, base
-        (n, s) the motion and its derivatives.
+        (n, s) the motion and its derivatives, of an effect that acts at rest those at zero velocity.
     """
     return np.asarray(forces_along(effect, sizes[None], model, t_s, states, base)[0])
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from iris_sysid.types import OdeModel, Sensor, kind_of
 
 FILMED: frozenset[Sensor] = frozenset({"camera", "unknown"})
@@ -43,6 +45,16 @@ def is_pulled_back(model: OdeModel) -> bool:
     """Whether something may pull back to the zero of the one coordinate: not along a board, not where a body falls."""
     falls = model.states[0].unit == "m" and bool(model.with_role("gravity"))
     return moves_on_a_line(model) and not slides(model) and not falls
+
+
+def has_rest_force(model: OdeModel) -> bool:
+    """Whether something does pull back where nothing moves, and no input turns it."""
+    if not is_pulled_back(model) or model.inputs:
+        return False
+    still = np.eye(len(model.states))[0]  # away from zero, where nothing moves
+    with np.errstate(all="ignore"):
+        slopes = model.rhs(0.0, tuple(still), tuple(np.ones(len(model.parameters))))
+    return bool(slopes[1] != 0.0)
 
 
 def falls(model: OdeModel) -> bool:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fitters.effects._domain import is_pulled_back
+from fitters.effects._domain import has_rest_force, is_pulled_back
 from iris_sysid.types import Array, Effect, EffectExample, Parameter
 
 SHARES = (0.03, 0.06, 0.12, 0.25, 0.5)  # of the motion's reach, tried as half of the gap
@@ -60,6 +60,7 @@ EFFECT = Effect(
     applies=is_pulled_back,
     plausibility=0.1,
     acceleration=acceleration,
+    acts_at_rest=has_rest_force,
     alike="cubic-stiffness; odd-reading",
     trials=trials,
     nearby=nearby,

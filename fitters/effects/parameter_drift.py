@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fitters.effects._domain import any_model
+from fitters.effects._domain import any_model, has_rest_force
 from fitters.effects._times import start_parameter
 from iris_sysid.types import Array, Effect, EffectExample, Parameter
 
@@ -59,6 +59,7 @@ EFFECT = Effect(
     applies=any_model,
     plausibility=0.3,
     acceleration=acceleration,
+    acts_at_rest=has_rest_force,
     trials=whole_record,
     alike="time-scale errors that grow; frequency that depends on amplitude, in a damped swing",
     recurrence="anew",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from fitters.effects._domain import moves_on_a_line, swings
+from fitters.effects._domain import has_rest_force, moves_on_a_line, swings
 from iris_sysid.types import Array, Effect, EffectExample, OdeModel, Parameter
 
 
@@ -54,6 +54,7 @@ EFFECT = Effect(
     applies=applies,
     plausibility=0.1,
     acceleration=acceleration,
+    acts_at_rest=has_rest_force,
     alike="zero-offset and constant-force, for swings of one size",
     trials=trials,
     sensible=sensible,

@@ -361,7 +361,8 @@ def _of_open(cache: FitCache, world: OpenWorld, judgement: Judgement) -> _Answer
         for k, fitted in enumerate(final.fits)
     )
     model = replace(final, fits=finals)
-    findings = judgement.findings
+    found = dict(zip(order, judgement.findings, strict=True)) if final.effects else {}
+    findings = tuple(found[effect.name] for effect in final.effects)
     if not judgement.weak and final.effects and not _explained(world, judgement.model) > LITTLE_EXPLAINED:
         findings = tuple(_without_name(finding, "the free run does not follow the motion") for finding in findings)
     findings = tuple(
@@ -405,12 +406,17 @@ def _explained(world: OpenWorld, model: ModelWithEffects) -> float:
 def _with_all_samples(cache: FitCache, judged: ModelWithEffects) -> ModelWithEffects:
     """A model that was fitted roughly, and perhaps to few samples, fitted to all; the base where that fails.
 
-    Moments are looked for again where they may lie between samples that were left out.
+    An effect that leads the fit astray is left out. Moments are looked for again where they may lie between samples
+    that were left out.
     """
     few = judged.fits[0].used.size < cache.base.fits[0].used.size
     again = [effect for effect in judged.effects if few and effect.is_placed]
     lasting = [effect for effect in judged.effects if effect not in again]
     final = cache.continued(judged, lasting) if lasting else cache.base
+    astray = cache.library.astray(final) if final.usable else []
+    if astray:
+        rest = [effect for effect in lasting if effect not in astray]
+        final = cache.continued(judged, rest) if rest else cache.base
     for effect in again:
         if final.usable:
             final = cache.with_added(final, cache.screening(final).single(effect.name))

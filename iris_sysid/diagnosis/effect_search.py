@@ -91,6 +91,11 @@ class EffectSearch:
         """Those with a formula that are of a possible sign."""
         return self._possible(current, self.testable(current, absorbs=False))
 
+    def _evident(self, current: ModelWithEffects) -> list[str]:
+        """Those that can imitate anything, where the components say that nearly all of the residual is of that kind."""
+        library = self._cache.library.by_name
+        return [name for name in self.testable(current, absorbs=True) if self._support.is_nearly_all(library[name])]
+
     def _with_formulas(self, current: ModelWithEffects) -> ModelWithEffects:
         """The model with the effects that have a formula and improve the prediction, one or two at a time."""
         while len(current.effects) < MAX_EFFECTS and not current.at_noise:
@@ -104,7 +109,7 @@ class EffectSearch:
     def _refits(self, current: ModelWithEffects) -> list[ModelWithEffects]:
         """Refits of the best sets of one and two more effects, ranked to first order beside a flexible rest."""
         library = self._cache.library.by_name
-        screening, names = self._cache.screening(current), self._formulas(current)
+        screening, names = self._cache.screening(current), [*self._formulas(current), *self._evident(current)]
         effects = {name: (library[name], screening.scores_of(name)[0].shape) for name in names}
         odds = {name: float(np.log(library[name].plausibility)) for name in names}
         ranked = ranked_effects(self._cache.clips, current.fits, effects, odds, AT_ONCE)

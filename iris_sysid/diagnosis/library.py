@@ -53,12 +53,18 @@ class EffectLibrary:
 
     def allows_fit(self, model: ModelWithEffects) -> bool:
         """Whether the fitted sizes, averaged over all clips, have an allowed sign, and the shapes mean the effect."""
-        for fitted in model.fits:
-            t_s, values = fitted.t_s[fitted.used], {name: each.value for name, each in fitted.estimates.items()}
-            if not all(is_sensible(effect, t_s, values) for effect in model.effects):
-                return False
+        if self.astray(model):
+            return False
         sizes = [effect.parameters[0].name for effect in model.effects if effect.name in self._one_sided]
         return all(pooled(model.sizes_of(name)).value >= 0.0 for name in sizes)
+
+    def astray(self, model: ModelWithEffects) -> list[Effect]:
+        """The effects of a model whose fitted shapes no longer mean them in some clip, e.g. a moment outside it."""
+        clips = [
+            (fitted.t_s[fitted.used], {name: each.value for name, each in fitted.estimates.items()})
+            for fitted in model.fits
+        ]
+        return [effect for effect in model.effects if not all(is_sensible(effect, *clip) for clip in clips)]
 
 
 def is_sensible(effect: Effect, t_s: Array, values: Mapping[str, float]) -> bool:

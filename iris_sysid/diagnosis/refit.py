@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fitters.compose_effects import with_effect
+from fitters.compose_effects import in_order, with_effect
 from fitters.effect_sensitivity import shaped
 from fitters.image_effects import view_of
 from fitters.noise.sandwich_covariance import inverse_normal
@@ -374,7 +374,7 @@ def composed_model(
         What is composed.
     """
     composed = model
-    for effect in effects:
+    for effect in in_order(effects, model):
         variant = shaped(effect, [values[parameter.name] for parameter in effect.parameters[1:]])
         composed = with_effect(composed, variant, view_of(clip.trajectory, model))
     return composed

@@ -288,6 +288,8 @@ class Effect(Portable):
     ``velocity`` is that rate, or the state itself where that is a speed). It is called for each component of each body;
     ``speed`` is the norm of the body's velocity. It must accept numbers, so that numba can compile it, and arrays of
     them.
+    ``acts_at_rest(model)``, where given, says for which models ``base`` is what their own force is at zero velocity: a
+    spring that weakens leaves the damping as it is.
     An effect with a memory has ``hidden`` states, which begin at zero. It acts on one degree of freedom:
     ``acceleration`` takes them, a tuple, as a seventh argument, and ``memory(t, position, velocity, base, params,
     hidden)`` returns their rates as a tuple of numbers.
@@ -327,6 +329,7 @@ class Effect(Portable):
     parameters: tuple[Parameter, ...]
     applies: Callable[[OdeModel], bool]
     acceleration: Callable[..., float] | None = None
+    acts_at_rest: Callable[[OdeModel], bool] | None = None
     hidden: tuple[Quantity, ...] = ()
     memory: Callable[..., tuple[float, ...]] | None = None
     observe: Callable[[Array, Array, Array, Array], Array] | None = None
@@ -372,7 +375,13 @@ class Effect(Portable):
         return self.absorbs and (self.is_placed or not self.has_fixed_form)
 
     def is_meant(self, t_s: Array, params: Sequence[float]) -> bool:
-        """Whether its parameters, in order, still mean the effect in a clip with samples at ``t_s`` (n,), s."""
+        """Whether its parameters, in order, still mean the effect in a clip with samples at ``t_s`` (n,), s.
+
+        A moment must lie within the clip.
+        """
+        moments = [value for each, value in zip(self.parameters, params, strict=True) if each.role == "moment"]
+        if not all(t_s[0] <= moment <= t_s[-1] for moment in moments):
+            return False
         return self.sensible is None or self.sensible(t_s, params)
 
     def factor(self, body: Mapping[str, float]) -> float | None:

@@ -50,7 +50,7 @@ def swing(*forces, n=600, seed=3):
     [
         ((drag, friction), {"quadratic-drag": 0.15, "coulomb-friction": 0.08}),
         ((drag, forcing), {"quadratic-drag": 0.15, "periodic-forcing": 0.12}),
-        ((friction, stiffening), {"coulomb-friction": None, "parameter-drift": 0.006}),
+        ((friction, stiffening), {"coulomb-friction": 0.08, "parameter-drift": 0.006}),
         ((forcing, stiffening), {"periodic-forcing": 0.12, "parameter-drift": 0.006}),
     ],
 )

@@ -129,3 +129,11 @@ def test_drag_of_a_throw_acts_along_the_speed_of_the_body():
 def test_effect_that_cannot_be_added_is_refused(effects, message):
     with pytest.raises(FitError, match=message):
         with_effects(MODELS["pendulum"], [EFFECTS[name] for name in effects])
+
+
+@pytest.mark.parametrize("name", ["impact", "late-release"])
+def test_moment_must_lie_within_the_clip(name):
+    within, before, after = ([0.5, moment, 0.02] for moment in (1.0, -0.1, 5.1))
+    assert EFFECTS[name].is_meant(np.linspace(0.0, 5.0, 9), within)
+    assert not EFFECTS[name].is_meant(np.linspace(0.0, 5.0, 9), before)
+    assert not EFFECTS[name].is_meant(np.linspace(0.0, 5.0, 9), after)
