@@ -70,6 +70,7 @@ NOISE_UNSURE = 3.0  # residual / noise up to which it may be correlated or quant
 NOISE_SHARE = 0.9  # of the residual's variance that components leave, where it is noise
 LIKELIEST = 2  # models of the search that explain the data to the noise, refitted with all samples
 FOLLOWED = 0.5  # of the variance of a driven motion, which a free run that follows it explains
+SIGN_KNOWN = 2.0  # standard errors of a size whose 95 % interval ends at zero
 SEARCH_SHARE = 0.7  # of the time allowed, for the search by blocks
 
 
@@ -451,20 +452,23 @@ def _in_weak_form(
 def _in_open_world(world: OpenWorld, judgement: Judgement, fitted: FitResult, k: int, clip: FitRequest) -> FitResult:
     """The fit of the k-th clip with errors that hold where the residual is not noise.
 
-    They come from the scatter of fits without a block, and of those with a rival in the place of an effect; those of
-    the equation's own values are at least those beside the components of the residual, which may have moved them.
+    They come from the scatter of fits without a block, and of those with a rival in the place of an effect. They are at
+    least those of the fit, and those beside the components of the residual, which may have moved the values; but blocks
+    tell the sign of an effect's size, so that the components do not stretch its interval to zero.
     """
     judged = judgement.model
-    sizes = {parameter.name for effect in judged.effects for parameter in effect.parameters}
+    sizes = {effect.parameters[0].name for effect in judged.effects}
     estimates = world.shares.errors(judged).estimates(k, fitted) if world.shares.testable else {}
     residual = clip_residual(clip, fitted)
     beside = None if residual is None else marginal(residual)
+    errors = np.zeros(len(fitted.free))
     if beside is not None:
         errors = np.sqrt(np.maximum(np.diag(beside[1]), 0.0) + beside[0] ** 2)
-        for name, error in zip(fitted.free, errors, strict=True):
-            known = estimates.get(name, fitted.estimates[name])
-            if error > known.stderr and name not in sizes:
-                estimates[name] = replace(known, stderr=float(error), ci95=None)
+    for name, error in zip(fitted.free, errors, strict=True):
+        of_fit = fitted.estimates[name]
+        known = max(estimates.get(name, of_fit), of_fit, key=lambda estimate: estimate.interval_stderr)
+        error = min(error, abs(known.value) / SIGN_KNOWN) if name in sizes else error
+        estimates[name] = replace(known, stderr=float(error), ci95=None) if error > known.stderr else known
     every = replace(fitted, estimates={**fitted.estimates, **estimates})
     for effect in judged.effects:
         rivals = world.rivals.instead_of(judged, effect, judgement.rivals[effect.name])
