@@ -18,6 +18,7 @@ import numpy as np
 
 from fitters.components import marginal
 from fitters.ode import FitRequest, solve, with_rest
+from fitters.ode.error_budget import with_derived_errors
 from fitters.ode.weak_fit import is_observed, weak_fit
 from iris_sysid.diagnosis.contributions import starts_of
 from iris_sysid.diagnosis.evidence import best_first
@@ -172,6 +173,8 @@ def diagnose(
         answer, stopped = None, [budget.note(why)]
     budget.end()
     answer = answer or _of_open(cache, world, judgement or world.so_far())
+    if not answer.added and _is_noise(base, components):
+        answer = _of_open(cache, world, Judgement(base, (), {}))
     return _diagnosis(cache, answer.with_kept(cache, kept), components, stopped)
 
 
@@ -230,6 +233,11 @@ def _is_complete(clips: Sequence[FitRequest], model: ModelWithEffects, base: Mod
         return ratio <= COMPLETE
     remaining = components_of(clips, model.fits)
     return remaining is not None and remaining.noise_share >= NOISE_SHARE
+
+
+def _is_noise(base: ModelWithEffects, components: Components | None) -> bool:
+    """Whether neither the components nor the fits say that anything is missing: what is not named only fits noise."""
+    return components is not None and not components.parts and all(fitted.ok for fitted in base.fits)
 
 
 def _residual_ratio(model: ModelWithEffects, base: ModelWithEffects) -> float:
@@ -496,7 +504,7 @@ def _diagnosis(
     effects = {effect.name: effect for effect in (*cache.library.by_name.values(), *final.effects)}
     return Diagnosis(
         bases=base.fits,
-        finals=answer.finals,
+        finals=_without_nuisances(cache, answer),
         added=answer.added,
         sizes=answer.sizes,
         rounds=tuple(rounds),
@@ -525,6 +533,17 @@ def _diagnosis(
         findings=with_components(answer.findings, components, remaining),
         nuisances=answer.nuisances,
     )
+
+
+def _without_nuisances(cache: FitCache, answer: _Answer) -> tuple[FitResult, ...]:
+    """The final fits with intervals that hold the values without what is in the fit but not named: it may not act."""
+    final, finals = answer.final, answer.finals
+    if answer.nuisances and final.effects:
+        named = [effect for effect in final.effects if effect in answer.added]
+        rest = cache.with_effects(named, starts_of(final, named)) if named else cache.base
+        if rest.usable:
+            finals = tuple(_spanning_rivals(fitted, final, [rest], k) for k, fitted in enumerate(finals))
+    return tuple(with_derived_errors(fitted) for fitted in finals)
 
 
 def _causes(shares: Mapping[str, float], effects: Mapping[str, Effect]) -> dict[EffectCause, float]:
