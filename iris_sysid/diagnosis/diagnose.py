@@ -19,6 +19,7 @@ import numpy as np
 from fitters.components import marginal
 from fitters.ode import FitRequest, solve, with_rest
 from fitters.ode.error_budget import with_derived_errors
+from fitters.ode.result import energy_gains
 from fitters.ode.weak_fit import is_observed, weak_fit
 from iris_sysid.diagnosis.contributions import starts_of
 from iris_sysid.diagnosis.evidence import best_first
@@ -71,6 +72,7 @@ NOISE_UNSURE = 3.0  # residual / noise up to which it may be correlated or quant
 NOISE_SHARE = 0.9  # of the residual's variance that components leave, where it is noise
 LIKELIEST = 2  # models of the search that explain the data to the noise, refitted with all samples
 FOLLOWED = 0.5  # of the variance of a driven motion, which a free run that follows it explains
+LOSS: ComponentKind = "force-of-velocity"
 SEARCH_SHARE = 0.7  # of the time allowed, for the search by blocks
 
 
@@ -175,6 +177,7 @@ def diagnose(
     answer = answer or _of_open(cache, world, judgement or world.so_far())
     if not answer.added and _is_noise(base, components):
         answer = _of_open(cache, world, Judgement(base, (), {}))
+    answer = _with_losses(answer, base)
     return _diagnosis(cache, answer.with_kept(cache, kept), components, stopped)
 
 
@@ -392,6 +395,29 @@ def _of_open(cache: FitCache, world: OpenWorld, judgement: Judgement) -> _Answer
         findings,
         SearchReport(cache, final),
     )
+
+
+def _with_losses(answer: _Answer, base: ModelWithEffects) -> _Answer:
+    """The answer without names of losses beside which a damping adds energy, unless it does without them as well.
+
+    Their form makes up for another one, which the library may not have.
+    """
+    if not _gains_energy(answer.finals) or _gains_energy(base.fits):
+        return answer
+    findings = tuple(
+        _without_name(finding, "beside it a damping would add energy") if finding.component == LOSS else finding
+        for finding in answer.findings
+    )
+    kept = {each.effects[0] for each in findings if each.word in ("named", "group")}
+    added = tuple(effect for effect in answer.added if effect.name in kept)
+    unnamed = tuple(effect for effect in answer.added if effect not in added)
+    probabilities = {effect.name: answer.probabilities[effect.name] for effect in added}
+    nuisances = (*answer.nuisances, *unnamed)
+    return replace(answer, findings=findings, added=added, nuisances=nuisances, probabilities=probabilities)
+
+
+def _gains_energy(fits: Sequence[FitResult]) -> bool:
+    return any(energy_gains(fitted.model, fitted.estimates) for fitted in fits)
 
 
 def _without_name(finding: Finding, reason: str) -> Finding:

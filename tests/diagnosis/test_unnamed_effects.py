@@ -67,3 +67,22 @@ def test_nothing_is_in_the_fit_where_the_residual_is_noise():
     assert (found.added, found.nuisances, found.findings) == ((), (), ())
     low, high = found.final.estimates["gravity"].interval
     assert low <= GRAVITY <= high
+
+
+@pytest.mark.slow
+def test_loss_beside_which_the_damping_adds_energy_has_no_name():
+    """A magnet under the lowest point brakes there alone: dry friction fits only with a damping below zero."""
+    swing, t_s = MODELS["pendulum"], np.arange(1200) / 50
+
+    def rates(_t, state):
+        angle, rate = state
+        return [rate, -GRAVITY / 1.24 * math.sin(angle) - (0.012 + 0.35 * math.exp(-((angle / 0.12) ** 2))) * rate]
+
+    motion = solve_ivp(rates, (0, t_s[-1]), (0.45, 0), t_eval=t_s, rtol=1e-9, atol=1e-10, max_step=0.04).y[:1].T
+    found = diagnose(clip(swing, t_s, motion, 0.0035, 4), swing)
+    assert not found.added
+    assert "force-of-velocity" in {finding.component for finding in found.findings}
+    assert not found.verdict.complete
+    for name, value in {"length": 1.24, "damping": 0.012}.items():
+        low, high = found.final.estimates[name].interval
+        assert low <= value <= high, name
