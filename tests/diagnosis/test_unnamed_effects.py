@@ -9,7 +9,9 @@ from scipy.integrate import solve_ivp
 
 from fitters.ode import fit
 from fitters.ode.error_budget import with_derived_errors
+from iris_sysid.diagnosis.contributions import Contributions
 from iris_sysid.diagnosis.diagnose import diagnose
+from iris_sysid.diagnosis.open_world import WORSE
 from iris_sysid.registry import MODELS
 from iris_sysid.types import Trajectory
 
@@ -86,3 +88,18 @@ def test_loss_beside_which_the_damping_adds_energy_has_no_name():
     for name, value in {"length": 1.24, "damping": 0.012}.items():
         low, high = found.final.estimates[name].interval
         assert low <= value <= high, name
+
+
+def test_effect_with_which_blocks_are_predicted_worse_has_no_name(monkeypatch):
+    swing, t_s = MODELS["pendulum"], np.arange(400) / 60
+
+    def rates(_t, state):
+        return [state[1], -GRAVITY / 0.5 * math.sin(state[0]) - 0.1 * state[1] - 0.1 * state[1] * abs(state[1])]
+
+    motion = solve_ivp(rates, (0, t_s[-1]), (0.8, 0), t_eval=t_s, rtol=1e-9, atol=1e-10).y[:1].T
+    dragged = clip(swing, t_s, motion, 0.002, 1)
+    assert [effect.name for effect in diagnose(dragged, swing, effects=["quadratic-drag"]).added] == ["quadratic-drag"]
+    monkeypatch.setattr(Contributions, "removed", lambda self, model, effect: -0.1)
+    worse = diagnose(dragged, swing, effects=["quadratic-drag"])
+    assert not worse.added
+    assert [(finding.word, finding.reason) for finding in worse.findings] == [("located", WORSE)]
