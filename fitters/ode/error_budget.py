@@ -11,7 +11,7 @@ from fitters.integrator.initial_value_problem import value_names
 from fitters.noise.sandwich_covariance import quantile_975
 from fitters.ode.fit_problem import PreparedFit
 from iris_sysid.errors import FitError
-from iris_sysid.types import Array, Estimate, OdeModel
+from iris_sysid.types import Array, Estimate, FitResult, OdeModel
 
 RANDOM = "random"
 
@@ -122,6 +122,29 @@ def _derived(task: PreparedFit, values: Array) -> dict[str, tuple[float, Array, 
         quantity.name: (float(centre[k]), free[:, k], {name: float(shift[k]) for name, shift in direct.items()})
         for k, quantity in enumerate(task.model.derived)
     }
+
+
+def with_derived_errors(fitted: FitResult) -> FitResult:
+    """The fit with errors of the derived quantities that follow from those of its values, where these were widened.
+
+    The values keep the correlations of the fit; no error becomes smaller.
+    """
+    model, free = fitted.model, fitted.free
+    if model.derive is None or not free:
+        return fitted
+    names = value_names(model)
+    values = np.array([fitted.estimates[name].value for name in names])
+    with np.errstate(all="ignore"):
+        wider = [fitted.estimates[name].stderr for name in free] / np.sqrt(np.diag(fitted.total_covariance))
+        slopes = np.array([_slope(model, values, names.index(name)) for name in free]) * wider[:, None]
+        errors = np.sqrt(np.einsum("ik,ij,jk->k", slopes, fitted.total_covariance, slopes))
+    known = {quantity.name: fitted.estimates[quantity.name] for quantity in model.derived}
+    found = {
+        name: replace(estimate, stderr=float(error), ci95=None)
+        for (name, estimate), error in zip(known.items(), errors, strict=True)
+        if error > estimate.stderr
+    }
+    return replace(fitted, estimates={**fitted.estimates, **found})
 
 
 def _derive(model: OdeModel, values: Array) -> Array:

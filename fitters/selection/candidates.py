@@ -209,9 +209,14 @@ def _adapted(
     zero = sorted(parameter.name for parameter in model.with_role("offset"))
     if zero:
         opened += zero
-    elif not upright and model.observe is None and not model.events and not moves_with_its_zero(model):
-        offset = EFFECTS["zero-offset"]
-        model = with_effect(model, offset) if offset.applies(model) else model
+    elif (
+        not upright
+        and model.observe is None
+        and not model.events
+        and not moves_with_its_zero(model)
+        and (offset := EFFECTS["zero-offset"]).applies(model)
+    ):
+        model = with_effect(model, offset)
         if model.with_role("gravity") and model.observed[0].unit == "rad":  # an angle from the vertical
             size = offset.parameters[0].name
             fixed[size] = Estimate(0.0, UPRIGHT, "rad", source="a camera held upright")

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,7 +17,7 @@ from iris_sysid.units import UNSIGNED
 
 if TYPE_CHECKING:
     from iris_sysid.cli.arguments import RecordArguments
-    from iris_sysid.types import Estimate, Hold, OdeModel, Trajectory, Validation
+    from iris_sysid.types import Diagnosis, Estimate, Hold, OdeModel, Trajectory, Validation
 
 HOLDS: dict[str, Hold | None] = {"zero": "zero-order", "linear": "linear", "auto": None}
 IN_WORDS: dict[Hold, str] = {"zero-order": "held", "linear": "on a line"}
@@ -65,6 +66,41 @@ def held(
     compared = holds_compared(clips, model, fixed=fixed, free=free, start=start)
     if not compared:
         return list(clips)
+    best = tell_hold(compared)
+    return [clip.with_(hold=best) for clip in clips]
+
+
+def diagnosed(
+    clips: list[Trajectory], search: Callable[[list[Trajectory]], Diagnosis], hold: str
+) -> tuple[list[Trajectory], Diagnosis]:
+    """The records and their diagnosis, once more where the effects that were found tell the hold otherwise."""
+    diagnosis = search(clips)
+    otherwise = _held_otherwise(clips, diagnosis, hold)
+    return (clips, diagnosis) if otherwise is None else (otherwise, search(otherwise))
+
+
+def _held_otherwise(clips: Sequence[Trajectory], diagnosis: Diagnosis, hold: str) -> list[Trajectory] | None:
+    """The records with another hold of their inputs than they were diagnosed with; None where that fits as well.
+
+    ``auto`` takes it from a fit without the effects that were found, where half a step's delay may make up for a part
+    of one.
+    """
+    from fitters.input_hold import holds_compared, jumps
+
+    final = diagnosis.final
+    if HOLDS[hold] is not None or not diagnosis.added or jumps(clips):
+        return None
+    values = {name: each for name, each in final.estimates.items() if math.isfinite(each.value)}
+    known = {each.name: values[each.name] for each in final.model.parameters if each.name in values}
+    compared = holds_compared(
+        clips,
+        final.model,
+        fixed={name: each for name, each in known.items() if name not in final.free},
+        free=[each.name for each in final.model.parameters if each.constant and each.name in final.free],
+        start={name: values[name].value for name in final.free},
+    )
+    if not compared or next(iter(compared)) == clips[0].hold:
+        return None
     best = tell_hold(compared)
     return [clip.with_(hold=best) for clip in clips]
 

@@ -107,17 +107,21 @@ def diagnose(
     estimated = list(dict.fromkeys(named))
     trajectories, kept = _records.split(trajectories, joint.validate, record, described)
     trajectories = _records.held(trajectories, described, record.hold, fixed=fixed, free=estimated)
-    with _terminal.phases(f"fitting {described.name}", _how_to_end(search.seconds)) as say:
-        diagnosis = find_missing_effects(
-            trajectories,
-            described,
-            fixed=fixed,
-            free=estimated,
-            effects=[*EFFECTS.values(), *map(EFFECTS.named, search.effect)],
-            holdout=search.holdout,
-            progress=say,
-            **limits,
-        )
+
+    def search_in(clips: "list[Trajectory]") -> "Diagnosis":
+        with _terminal.phases(f"fitting {described.name}", _how_to_end(search.seconds)) as say:
+            return find_missing_effects(
+                clips,
+                described,
+                fixed=fixed,
+                free=estimated,
+                effects=[*EFFECTS.values(), *map(EFFECTS.named, search.effect)],
+                holdout=search.holdout,
+                progress=say,
+                **limits,
+            )
+
+    trajectories, diagnosis = _records.diagnosed(trajectories, search_in, record.hold)
     if not json:
         typer.echo(_terminal.lines(diagnosis_text(diagnosis)))
     _terminal.show_verdict(diagnosis.verdict, json)

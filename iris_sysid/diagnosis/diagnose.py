@@ -18,6 +18,8 @@ import numpy as np
 
 from fitters.components import marginal
 from fitters.ode import FitRequest, solve, with_rest
+from fitters.ode.error_budget import with_derived_errors
+from fitters.ode.result import energy_gains
 from fitters.ode.weak_fit import is_observed, weak_fit
 from iris_sysid.diagnosis.contributions import starts_of
 from iris_sysid.diagnosis.evidence import best_first
@@ -71,6 +73,7 @@ NOISE_SHARE = 0.9  # of the residual's variance that components leave, where it 
 LIKELIEST = 2  # models of the search that explain the data to the noise, refitted with all samples
 FOLLOWED = 0.5  # of the variance of a driven motion, which a free run that follows it explains
 SIGN_KNOWN = 2.0  # standard errors of a size whose 95 % interval ends at zero
+LOSS: ComponentKind = "force-of-velocity"
 SEARCH_SHARE = 0.7  # of the time allowed, for the search by blocks
 
 
@@ -173,6 +176,9 @@ def diagnose(
         answer, stopped = None, [budget.note(why)]
     budget.end()
     answer = answer or _of_open(cache, world, judgement or world.so_far())
+    if not answer.added and _is_noise(base, components):
+        answer = _of_open(cache, world, Judgement(base, (), {}))
+    answer = _with_losses(answer, base)
     return _diagnosis(cache, answer.with_kept(cache, kept), components, stopped)
 
 
@@ -231,6 +237,11 @@ def _is_complete(clips: Sequence[FitRequest], model: ModelWithEffects, base: Mod
         return ratio <= COMPLETE
     remaining = components_of(clips, model.fits)
     return remaining is not None and remaining.noise_share >= NOISE_SHARE
+
+
+def _is_noise(base: ModelWithEffects, components: Components | None) -> bool:
+    """Whether neither the components nor the fits say that anything is missing: what is not named only fits noise."""
+    return components is not None and not components.parts and all(fitted.ok for fitted in base.fits)
 
 
 def _residual_ratio(model: ModelWithEffects, base: ModelWithEffects) -> float:
@@ -388,6 +399,29 @@ def _of_open(cache: FitCache, world: OpenWorld, judgement: Judgement) -> _Answer
     )
 
 
+def _with_losses(answer: _Answer, base: ModelWithEffects) -> _Answer:
+    """The answer without names of losses beside which a damping adds energy, unless it does without them as well.
+
+    Their form makes up for another one, which the library may not have.
+    """
+    if not _gains_energy(answer.finals) or _gains_energy(base.fits):
+        return answer
+    findings = tuple(
+        _without_name(finding, "beside it a damping would add energy") if finding.component == LOSS else finding
+        for finding in answer.findings
+    )
+    kept = {each.effects[0] for each in findings if each.word in ("named", "group")}
+    added = tuple(effect for effect in answer.added if effect.name in kept)
+    unnamed = tuple(effect for effect in answer.added if effect not in added)
+    probabilities = {effect.name: answer.probabilities[effect.name] for effect in added}
+    nuisances = (*answer.nuisances, *unnamed)
+    return replace(answer, findings=findings, added=added, nuisances=nuisances, probabilities=probabilities)
+
+
+def _gains_energy(fits: Sequence[FitResult]) -> bool:
+    return any(energy_gains(fitted.model, fitted.estimates) for fitted in fits)
+
+
 def _without_name(finding: Finding, reason: str) -> Finding:
     """The finding on an effect without its name, and the reason; one that has no name keeps its own reason."""
     return replace(finding, word="located", reason=reason) if finding.word in ("named", "group") else finding
@@ -506,7 +540,7 @@ def _diagnosis(
     effects = {effect.name: effect for effect in (*cache.library.by_name.values(), *final.effects)}
     return Diagnosis(
         bases=base.fits,
-        finals=answer.finals,
+        finals=_without_nuisances(cache, answer),
         added=answer.added,
         sizes=answer.sizes,
         rounds=tuple(rounds),
@@ -535,6 +569,17 @@ def _diagnosis(
         findings=with_components(answer.findings, components, remaining),
         nuisances=answer.nuisances,
     )
+
+
+def _without_nuisances(cache: FitCache, answer: _Answer) -> tuple[FitResult, ...]:
+    """The final fits with intervals that hold the values without what is in the fit but not named: it may not act."""
+    final, finals = answer.final, answer.finals
+    if answer.nuisances and final.effects:
+        named = [effect for effect in final.effects if effect in answer.added]
+        rest = cache.with_effects(named, starts_of(final, named)) if named else cache.base
+        if rest.usable:
+            finals = tuple(_spanning_rivals(fitted, final, [rest], k) for k, fitted in enumerate(finals))
+    return tuple(with_derived_errors(fitted) for fitted in finals)
 
 
 def _causes(shares: Mapping[str, float], effects: Mapping[str, Effect]) -> dict[EffectCause, float]:

@@ -30,6 +30,7 @@ ABSORBED_SHARE = 0.5  # of the squared error over blocks left out that what can 
 DOMINANT_SHARE = 0.85  # of the residual's squares that it explains alone, where the components do not say it
 READINGS = 2  # best errors of a reading, that are tried beside what short windows show
 WEAK_SHARE = 0.5  # of the residual's variance, that a free run with values in weak form removes
+WORSE = "beside the others it predicts blocks that were left out worse"
 LOCATED_SHARE = 0.05  # of the residual's variance from which a component without an effect is reported
 
 
@@ -170,6 +171,8 @@ class OpenWorld:
                 findings.append(_absorbing(effect, share))
             elif self.shares.is_small(model, effect):
                 findings.append(Finding("located", effect.component, names, share, "a small part of the residual"))
+            elif share < 0 and not effect.is_placed:  # what acts at one moment says nothing beyond its own block
+                findings.append(Finding("located", effect.component, names, share, WORSE))
             elif len(names) > 1:
                 findings.append(Finding("group", effect.component, names, share, "each explains the data as well"))
             else:

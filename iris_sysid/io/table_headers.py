@@ -98,7 +98,8 @@ ENDS_IN_RATE = re.compile(rf".*?(?P<unit>[^\s/_(\[]+{PER_TIME})\s*[)\]]?\s*")
 NAMED = re.compile(  # but this is
     r"(?P<name>(?:.*[_\s])?(?:force|voltage|current|power|temperature))[_\s]+(?P<unit>[AVNKW])\s*", re.IGNORECASE
 )
-OWN = re.compile(r"(?P<name>[uy][0-9]*)_(?P<unit>\S+)")  # u_V is a voltage, as in a table of this project
+OWN = re.compile(r"(?P<name>[uyi][0-9]*)_(?P<unit>\S+)")  # u_V is a voltage, as in a table of this project
+RUN = re.compile(r"(?:[^:()\[\]]*:\s*)?(?P<title>.+?)(?:,?\s+run\s*#?\s*[0-9]+)?", re.IGNORECASE)  # Latest: Time (s)
 STATED = re.compile(
     r"(?P<name>[A-Za-z]\w*)\s*(?:\[\s*(?:(?P<share>1/)?(?P<factor>-?[0-9]+\.?[0-9]*(?:[eE][-+]?[0-9]+)?)\s+)?(?P<unit>[^\]]*)\])?"
 )
@@ -257,6 +258,13 @@ def _taken_apart(title: str) -> tuple[str, Spelled | None]:
     rated = ENDS_IN_RATE.fullmatch(title)
     if "/" in title and _unit(title.rpartition("/")[2]) is None and not (rated and _unit(rated["unit"])):
         title = title.rpartition("/")[2]
+    run = RUN.fullmatch(title)
+    every = [_split(run["title"] if run else title), _split(title)]
+    return next((each for each in every if each[1]), every[0])
+
+
+def _split(title: str) -> tuple[str, Spelled | None]:
+    """The same of a title without the name of its run or group."""
     for pattern in (OWN, NAMED, BRACKETED, SPEED, DIVIDED, ENDING):
         match = pattern.fullmatch(title)
         unit = _unit(match["unit"]) if match and match["name"] else None
@@ -278,7 +286,7 @@ def _guessed(cells: Cells, titles: Sequence[str], time: Meaning | None = None) -
     """The time and every numeric column with a unit; DataError where that leaves no time or nothing to fit.
 
     An input needs no unit, and beside one an output y, y1, ... neither. A speed or an acceleration is read where
-    nothing else is measured.
+    nothing else is measured, or beside an input what it is the rate of is not.
     """
     numeric = _numeric(cells, titles)
     time = time or _time(cells, titles, numeric)
@@ -299,8 +307,9 @@ def _guessed(cells: Cells, titles: Sequence[str], time: Meaning | None = None) -
             unknown.append(titles[k])
             continue
         kept.append(Meaning(k, named, *unit))
-    if all(meaning is time or INPUT.fullmatch(meaning.name) for meaning in meanings):
-        meanings += rates
+    measured = {SUFFIXES[each.unit][0] for each in meanings if each is not time and not INPUT.fullmatch(each.name)}
+    if driven or not measured:
+        meanings += [each for each in rates if SUFFIXES[each.unit][0].partition("/")[0] not in measured]
     if len(meanings) > 1:
         return _upwards(meanings)
     wanted = ", ".join(f"{title!r:.40}" for title in unknown[:4]) or "none besides the time"

@@ -64,13 +64,15 @@ def diagnosis_sentences(diagnosis: Diagnosis) -> list[str]:
         return _unsplit_sentences(diagnosis)
     named = {name for finding in diagnosis.findings if finding.word == "named" for name in finding.effects[:1]}
     others = [effect for effect in diagnosis.added if effect.name not in named]
+    noise = diagnosis.noise_floor if diagnosis.incomplete or diagnosis.added else math.inf
+    rest = diagnosis.noise_floor if diagnosis.incomplete else math.inf
     sentences = [
-        parts_sentence(components, noise=diagnosis.noise_floor),
+        parts_sentence(components, noise=noise),
         *(finding_sentence(finding, diagnosis) for finding in diagnosis.findings),
         f"Added as well: {' and '.join(_effect_text(effect, diagnosis) for effect in others)}." if others else "",
         _nuisance_sentence(diagnosis.nuisances),
         _error_sentence(diagnosis),
-        parts_sentence(diagnosis.remaining, "residual that remains", diagnosis.noise_floor) if diagnosis.added else "",
+        parts_sentence(diagnosis.remaining, "residual that remains", rest) if diagnosis.added else "",
         _suggested_sentence(diagnosis),
     ]
     return list(filter(None, sentences))

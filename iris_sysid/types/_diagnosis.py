@@ -17,6 +17,7 @@ from iris_sysid.types._result import FitResult, imprecise, relative_errors
 from iris_sysid.types._verdict import Completeness, Doubt, Verdict, VerdictWord, times_text, worst_verdict
 
 UNEXPLAINED = 2.0  # residual / noise above which the model is incomplete: the noise estimate errs by less
+CORRELATED = 3.0  # the same of a residual without a form: what noise of a correlation of 0.8 over one sample reaches
 NAMED = 0.9  # probability of an added effect below which another one may act instead
 INCOMPLETE = "The equation lacks more than was found: look at the parts of the residual"
 SEVERAL_NAMES = "A longer clip, a larger motion or a second clip tells them apart"
@@ -186,8 +187,14 @@ class Diagnosis(Shown):
 
     @property
     def incomplete(self) -> bool:
-        """Whether the residual that remains is far above the noise."""
-        return self.residual_ratio > UNEXPLAINED
+        """Whether the residual that remains is far above the noise.
+
+        The noise is measured from sample to sample, which tells less than there is of correlated noise: up to three
+        times as much is noise where neither the components nor the fit say that it has another form.
+        """
+        left = self.remaining if self.added else self.components
+        formless = left is not None and not left.parts and all(final.ok for final in self.finals)
+        return self.residual_ratio > (CORRELATED if formless else UNEXPLAINED)
 
     @property
     def verdict(self) -> Verdict:

@@ -9,11 +9,22 @@ import numpy as np
 import pandas as pd
 import pytest
 from matplotlib.image import imread
+from scipy.integrate import solve_ivp
 from scipy.io import savemat
 from typer.testing import CliRunner
 
-from iris_sysid import Quantity, Trajectory, fit, model_from_equation, read_trajectory, split_record, validate_fit
-from iris_sysid.cli import app
+from iris_sysid import (
+    MODELS,
+    Quantity,
+    Trajectory,
+    diagnose,
+    fit,
+    model_from_equation,
+    read_trajectory,
+    split_record,
+    validate_fit,
+)
+from iris_sysid.cli import _records, app
 from iris_sysid.errors import DataError, IrisError
 from tests._project import ROOT
 
@@ -279,3 +290,28 @@ def test_bands_hold_99_percent_of_the_correlations_of_white_noise_with_a_slow_in
         own, crossed = correlations(rng.standard_normal((600, 1)), u)
         outside.append(abs(crossed[0, 0]) > _input_bands(own, u, 600)[0, 0])
     assert np.mean(outside) == pytest.approx(0.01, abs=0.01)
+
+
+@pytest.mark.slow
+def test_effects_that_are_found_tell_the_hold_of_the_inputs_otherwise():
+    """SciPy pushes a hardening spring by a force on a line; without the effect held inputs fit as well."""
+    model, t_s = MODELS["driven-oscillator"], np.arange(1000) / 200
+    force = 3 * np.sin(2 * np.pi * (0.5 + 0.25 * t_s) * t_s)
+
+    def rates(t, state):
+        z, v = state
+        return [v, (np.interp(t, t_s, force) - 0.9 * v - 210 * z - 6e4 * z**3) / 0.35]
+
+    z = solve_ivp(rates, (0, t_s[-1]), (0, 0), t_eval=t_s, rtol=1e-8, atol=1e-10, max_step=5e-3).y[:1].T
+    z = z + 1.5e-4 * np.random.default_rng(1).standard_normal(z.shape)
+    known = {"inputs": force[:, None], "input_quantities": (Quantity("u", "N"),), "hold": "zero-order"}
+    clip = Trajectory(t_s, model.observed, z, np.full_like(z, np.nan), np.ones(t_s.size, bool), **known)
+
+    def search(clips):
+        return diagnose(clips, model, effects=["cubic-stiffness"])
+
+    (clip,), found = _records.diagnosed([clip], search, "auto")
+    assert (clip.hold, [effect.name for effect in found.added]) == ("linear", ["cubic-stiffness"])
+    for name, value in {"mass": 0.35, "damping": 0.9, "stiffness": 210.0}.items():
+        assert abs(found.final.estimates[name].value - value) < 3 * found.final.estimates[name].stderr, name
+    assert _records.diagnosed([clip], search, "zero")[0] == [clip]

@@ -173,6 +173,21 @@ def test_two_pendulums_that_strike_one_another_are_chosen_by_the_motion_of_both(
     assert choice.heldout_margin > 10
 
 
+def test_two_pendulums_on_a_common_spring_are_chosen_from_their_angles():
+    """SciPy integrates; an angle of each is given, from the vertical."""
+    t_s, pull, coupling = np.arange(480) / 40, 9.80665 / np.array([0.95, 0.98]), 0.9
+
+    def rates(_t, state):
+        angles, rates = state[:2], state[2:]
+        return [*rates, *(-pull * np.sin(angles) - 0.015 * rates - coupling * (angles - angles[::-1]))]
+
+    angles = solve_ivp(rates, (0, t_s[-1]), [0.4, 0, 0, 0], t_eval=t_s, rtol=1e-9, atol=1e-9).y[:2]
+    both = track(t_s, {"theta1": angles[0], "theta2": angles[1]}, ["rad", "rad"], 2e-3)
+    chosen = select_model(both, few("pendulum", "coupled-pendulums")).chosen
+    assert chosen.model == "coupled-pendulums"
+    assert chosen.fit.estimates["coupling"].interval[0] < coupling < chosen.fit.estimates["coupling"].interval[1]
+
+
 def rolling_at_cups():
     """A ball that rolls at two cups, which tumble off when it reaches them, and a third that it never reaches."""
     t_s = np.arange(120) / 60

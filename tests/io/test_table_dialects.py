@@ -50,6 +50,8 @@ ANGLES = {
     "per cent comment": ("% made by a script\ntime (s),theta (rad)\n" + rows(T_S, THETA), None),
     "row of units": ("time,theta\ns,rad\n" + rows(T_S, THETA), None),
     "two header rows": ("Run 1,Run 1\ntime (s),theta (rad)\n" + rows(T_S, THETA), None),
+    "Logger Pro": ("Latest: Time (s),Latest: Angle (deg)\n" + rows(T_S, DEG), None),
+    "Capstone": ("Time (s) Run #1,Angle (rad) Run #1\n" + rows(T_S, THETA), None),
     "text beside": ("time (s),theta (rad),note\n" + rows(T_S, THETA, beside="fine"), None),
     "spaces": ("t_[s]   theta_[rad]\n" + rows(T_S, THETA, separator="   "), None),
     "trailing comma": ("time (s),theta (rad),\n" + rows(T_S, THETA).replace("\n", ",\n"), None),

@@ -73,6 +73,19 @@ def test_unit_in_brackets_stands_beside_t_s(tmp_path):
     assert [quantity.column for quantity in trajectory.input_quantities] == ["u_V"]
 
 
+def test_a_current_is_read_beside_a_speed_in_another_unit(tmp_path):
+    trajectory = read_trajectory(written(tmp_path, "t_s,u_V,omega_rpm,i_A", T_S, T_S, 30 * T_S, T_S))
+    assert [quantity.column for quantity in trajectory.quantities] == ["i_A", "omega_rad_s"]
+    assert trajectory.position[-1, 1] == pytest.approx(np.pi * T_S[-1])
+
+
+def test_of_several_runs_side_by_side_the_first_is_read_and_the_others_are_said(tmp_path):
+    header = "Run 1: Time (s),Run 1: Position (m),Run 2: Time (s),Run 2: Position (m)"
+    trajectory = read_trajectory(written(tmp_path, header, T_S, T_S, T_S, 2 * T_S))
+    np.testing.assert_allclose(trajectory.position[:, 0], T_S, atol=1e-6)
+    assert trajectory.origin["read_as"][-1] == "left out: 'Run 2: Time (s)', 'Run 2: Position (m)'"
+
+
 @pytest.mark.parametrize(
     ("header", "columns"),
     [

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from iris_sysid import MODELS, Doubt, Estimate, Trajectory, Verdict, diagnose, fit
+from iris_sysid import MODELS, Doubt, Estimate, Trajectory, Verdict, diagnose, diagnosis_sentence, fit
 from iris_sysid.io.json_documents import write_fit
 from iris_sysid.types import Completeness, worst_verdict
 from iris_sysid.types._verdict import explained_percent, times_text
@@ -128,6 +128,16 @@ def test_diagnosis_speaks_the_same_words():
     incomplete = replace(doubted, noise_floor=doubted.after.fitted / 5)
     assert (incomplete.verdict.word, incomplete.verdict.complete) == ("doubtful", False)
     assert [doubt.kind for doubt in incomplete.verdict.reasons] == ["jumps", "incomplete"]
+
+
+def test_noise_that_is_correlated_is_no_incomplete_equation():
+    """It is larger than its scatter from sample to sample; where it has a form, or cannot be split, it may be more."""
+    noisy = diagnose(swing(), PENDULUM, effects=[])
+    larger = replace(noisy, noise_floor=noisy.after.fitted / 2.5)
+    assert larger.verdict.complete
+    assert diagnosis_sentence(larger).startswith("The residual is noise: nothing is missing")
+    assert not replace(larger, components=None).verdict.complete
+    assert not replace(noisy, noise_floor=noisy.after.fitted / 3.5).verdict.complete
 
 
 def test_diagnosis_says_once_that_a_residual_remains():
