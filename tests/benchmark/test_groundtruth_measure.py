@@ -7,7 +7,8 @@ import pytest
 
 from iris_sysid.benchmark.groundtruth import clip
 from iris_sysid.benchmark.groundtruth.boards import board_of, calibrate_class
-from iris_sysid.benchmark.groundtruth.measure import Conditions, measure
+from iris_sysid.benchmark.groundtruth.clip import Conditions
+from iris_sysid.benchmark.groundtruth.measure import measure
 from iris_sysid.calibration.pixel_scale import scale
 from iris_sysid.errors import CalibrationError, DataError
 from iris_sysid.io.json_documents import read_document
