@@ -83,10 +83,10 @@ def _view_named(text: str | None) -> int | Path | None:
     return int(text) if text.isascii() and text.isdigit() else Path(text)
 
 
-def _upward(text: str) -> Literal["image", "board"]:
-    if text not in ("image", "board"):
-        raise CalibrationError(f"--up must be image or board, not {text!r}")
-    return "board" if text == "board" else "image"
+def _upward(way: str) -> Literal["image", "board"]:
+    if way not in ("image", "board"):
+        raise CalibrationError(f"--up must be image or board, not {way!r}")
+    return "board" if way == "board" else "image"
 
 
 def _camera(camera: CameraArguments) -> CameraCalibration | None:
