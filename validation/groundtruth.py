@@ -18,7 +18,8 @@ from pathlib import Path
 import numpy as np
 
 from iris_sysid.benchmark.dataset import list_clips
-from iris_sysid.benchmark.groundtruth.measure import ClipMeasurement, Conditions, Measurements, measure
+from iris_sysid.benchmark.groundtruth.clip import Conditions
+from iris_sysid.benchmark.groundtruth.measure import ClipMeasurement, Measurements, measure
 from iris_sysid.benchmark.groundtruth.parameters import parameters_document
 from iris_sysid.benchmark.groundtruth.pool import in_published_unit
 from iris_sysid.io.json_documents import write_document

@@ -25,7 +25,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from iris_sysid.benchmark.groundtruth.measure import Conditions, measure
+from iris_sysid.benchmark.groundtruth.clip import Conditions
+from iris_sysid.benchmark.groundtruth.measure import measure
 from iris_sysid.benchmark.render_dataset import render_dataset
 from iris_sysid.pipeline.batch import Batch
 from iris_sysid.pipeline.clip_folders import benchmark_classes

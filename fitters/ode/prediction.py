@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fitters.integrator.initial_value_problem import difference_steps, value_names
 from fitters.ode.model_discrepancy import SOURCE
-from fitters.ode.simulation import problem_at
+from fitters.ode.simulation import linearisation
 from iris_sysid.errors import DataError, FitError
 from iris_sysid.types import (
     NORMAL_975,
@@ -161,14 +160,9 @@ def _inputs_on(grid: Array, model: OdeModel, times: Array, inputs: ArrayLike | N
 def _solved(fitted: FitResult, grid: Array, inputs: Array | None, hold: Hold) -> tuple[Array, Array]:
     """Observed quantities and their standard errors at the times of the grid, both (k, d)."""
     values = {name: estimate.value for name, estimate in fitted.estimates.items()}
-    problem, vector = problem_at(fitted.model, grid, values, inputs, hold)
-    problem = problem.planned(vector, TOLERANCE)
-    names = value_names(fitted.model)
-    which = np.array([names.index(name) for name in fitted.free], dtype=np.intp)
-    observed = problem.predicted(vector)
-    if not which.size:
-        return observed, np.zeros_like(observed)
-    slopes = problem.sensitivity(vector, which, difference_steps(problem, vector, which))
+    observed, slopes = linearisation(
+        fitted.model, grid, values, fitted.free, inputs=inputs, hold=hold, tolerance=TOLERANCE
+    )
     moving = np.any(slopes != 0, axis=(0, 1))
     covariance = _covariance(fitted)[np.ix_(moving, moving)]
     variance = np.einsum("ndk,kl,ndl->nd", slopes[:, :, moving], covariance, slopes[:, :, moving])

@@ -10,7 +10,8 @@ from pathlib import Path
 import pandas as pd
 
 from iris_sysid.benchmark.dataset import places
-from iris_sysid.benchmark.groundtruth.measure import Conditions, Measurements, measure
+from iris_sysid.benchmark.groundtruth.clip import Conditions
+from iris_sysid.benchmark.groundtruth.measure import Measurements, measure
 from iris_sysid.benchmark.sources.rows import (
     SELECTION,
     SHARING,

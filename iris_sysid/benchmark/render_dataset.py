@@ -7,7 +7,7 @@ import shutil
 import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -33,17 +33,17 @@ MAX_TRIALS = 999
 
 @dataclass(frozen=True, slots=True)
 class RenderJob:
-    """One clip to render: ``place`` is its path in the data set; ``setting`` is None for the checkerboard."""
+    """One clip to render: ``place`` is its path in the data set; ``setting`` is None for the checkerboard.
+
+    ``film`` are the arguments that all clips have in common.
+    """
 
     place: str
     phenomenon: str
-    setting: str | None
     seed: int
-    overrides: tuple[tuple[str, float], ...]
-    size: tuple[int, int]
-    fps: float
-    duration_s: float | None
-    look: Look
+    film: Mapping[str, Any]
+    setting: str | None = None
+    overrides: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +111,8 @@ def render_dataset(
     look, root = look or Look(), Path(folder)
     scenes = [scene_named(name) for name in (phenomena if phenomena is not None else SCENES)]
     _check(size, fps, trials, seed, workers, duration_s)
-    jobs = list(_jobs(scenes, size, fps, trials, seed, duration_s, look))
+    film = {"size": size, "fps": fps, "duration_s": duration_s, "look": look}
+    jobs = list(_jobs(scenes, trials, seed, film))
     options = {"size": list(size), "fps": fps, "seed": seed, "duration_s": duration_s, "look": asdict(look)}
     _claim(root, options)
     missing = [job for job in jobs if not (root / job.place).exists()]
@@ -138,40 +139,32 @@ def _check(
     check_workers(workers)
 
 
-def _jobs(
-    scenes: Iterable[Scene],
-    size: tuple[int, int],
-    fps: float,
-    trials: int,
-    seed: int,
-    duration_s: float | None,
-    look: Look,
-) -> Iterator[RenderJob]:
+def _jobs(scenes: Iterable[Scene], trials: int, seed: int, film: Mapping[str, Any]) -> Iterator[RenderJob]:
     for scene in scenes:
-        common = (size, fps, duration_s, look)
         place = f"{scene.folder}/{BOARD}"
-        yield RenderJob(place, scene.name, None, _seed_of(seed, place), (), *common)
+        yield RenderJob(place, scene.name, _seed_of(seed, place), film)
         for setting in scene.settings:
             for trial in range(1, trials + 1):
                 place = f"{scene.folder}/{setting}/{trial:02d}.mp4"
                 clip_seed = _seed_of(seed, place)
-                yield RenderJob(place, scene.name, setting, clip_seed, _scattered(scene, setting, clip_seed), *common)
+                scattered = _scattered(scene, setting, clip_seed)
+                yield RenderJob(place, scene.name, clip_seed, film, setting, scattered)
 
 
 def _seed_of(seed: int, place: str) -> int:
     return int(np.random.SeedSequence([seed, zlib.crc32(place.encode())]).generate_state(1)[0])
 
 
-def _scattered(scene: Scene, setting: str, seed: int) -> tuple[tuple[str, float], ...]:
+def _scattered(scene: Scene, setting: str, seed: int) -> dict[str, float]:
     """Parameters of one trial, drawn about the setting's values within the scene's bounds."""
     rng, values = np.random.default_rng([seed, 7]), scene.settings[setting]
-    drawn = []
+    drawn = {}
     for parameter in scene.parameters:
         if parameter.name in scene.scatter:
             mean = values.get(parameter.name, float(parameter.default or 0.0))
             value = mean + scene.scatter[parameter.name] * float(np.clip(rng.standard_normal(), -3, 3))
-            drawn.append((parameter.name, min(max(value, parameter.lower), parameter.upper)))
-    return tuple(drawn)
+            drawn[parameter.name] = min(max(value, parameter.lower), parameter.upper)
+    return drawn
 
 
 def _claim(root: Path, options: Mapping[str, Any]) -> None:
@@ -228,23 +221,12 @@ def _render_one(job: RenderJob, root: Path) -> None:
     """Render into the folder of unfinished clips, then move the truth and, last, the clip to the data set."""
     target = root / job.place
     unfinished = root / WORKSHOP / job.place
+    common = {**job.film, "seed": job.seed, "overwrite": True}
     if job.setting is None:
-        render_checkerboard(
-            job.phenomenon, unfinished, size=job.size, fps=job.fps, seed=job.seed, look=job.look, overwrite=True
-        )
+        del common["duration_s"]  # a board is shown in all its poses
+        render_checkerboard(job.phenomenon, unfinished, **common)
     else:
-        render_clip(
-            job.phenomenon,
-            unfinished,
-            size=job.size,
-            fps=job.fps,
-            duration_s=job.duration_s,
-            seed=job.seed,
-            setting=job.setting,
-            overrides=dict(job.overrides),
-            look=job.look,
-            overwrite=True,
-        )
+        render_clip(job.phenomenon, unfinished, setting=job.setting, overrides=job.overrides, **common)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         sources, goals = (*truth_paths(unfinished), unfinished), (*truth_paths(target), target)

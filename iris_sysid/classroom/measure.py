@@ -188,12 +188,12 @@ def _of_a_clip(group: Group, folder: Path, corrected: Sequence[Track]) -> Measur
         video = open_clip(path, request.clip)
     else:
         try:
-            video, tracks = track_clip(path, request.phenomenon, request)
+            video, tracks = track_clip(path, request)
         except TrackingError:
             _write_unfollowed(group, folder)
             raise
         write_track(tracks, folder / TRACK, overwrite=True)  # for a review, also where it cannot be fitted
-    result = run_tracked(video, tracks, request.phenomenon, source=path, **request.of_tracks())
+    result = run_tracked(video, tracks, request, path)
     save(result, folder, overwrite=True)
     world = result.world[0] if request.phenomenon.measures == "position" else None
     facts = result.video.facts if isinstance(result.video, Video) and request.clip.fps is None else {}
@@ -207,8 +207,7 @@ def _write_unfollowed(group: Group, folder: Path) -> None:
     request, path = group.request, group.source.path
     nothing = unfollowed(open_clip(path, request.clip))
     if nothing is not None:
-        recorded = request_origin(request.phenomenon, request)
-        write_track(from_source([nothing], path, recorded), folder / TRACK, overwrite=True)
+        write_track(from_source([nothing], path, request_origin(request)), folder / TRACK, overwrite=True)
 
 
 def _of_a_table(group: Group, folder: Path) -> Measured:

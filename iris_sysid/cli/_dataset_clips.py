@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from iris_sysid.benchmark.groundtruth.clip import Conditions
 from iris_sysid.benchmark.groundtruth.direct import with_board
-from iris_sysid.benchmark.groundtruth.measure import Conditions, measure
+from iris_sysid.benchmark.groundtruth.measure import measure
 from iris_sysid.cli import _parsing, _terminal
 from iris_sysid.errors import DataError
 from iris_sysid.io.schemas.groundtruth import MeasuredDocument

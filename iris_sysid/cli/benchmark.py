@@ -63,7 +63,7 @@ def benchmark(
         _terminal.check_dataset(dataset)
     from iris_sysid.benchmark.build import Inputs, build, can_write
     from iris_sysid.benchmark.dataset_rows import ALL_STUDIES, RowPlan
-    from iris_sysid.benchmark.groundtruth.measure import Conditions
+    from iris_sysid.benchmark.groundtruth.clip import Conditions
     from iris_sysid.cli import _parsing
     from iris_sysid.io.json_documents import read_document
     from iris_sysid.io.schemas.groundtruth import MeasuredDocument

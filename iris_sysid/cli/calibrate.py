@@ -30,17 +30,15 @@ def calibrate(
       iris-sysid calibrate board.mp4 --board 9x6 --square 25mm -o calibration.json --plot
     """
     _terminal.check_sources(sources)
-    from iris_sysid.calibration.request import calibrate_plane
-    from iris_sysid.cli import _calibrate_output, _calibrate_request
+    from iris_sysid.cli import _calibration
 
-    drawings = _calibrate_output.plot_paths(output) if plot else ()
+    drawings = _calibration.plot_paths(output) if plot else ()
     for source in sources:
         _terminal.check_outputs(source, [output, *drawings], overwrite=force)
-    request = _calibrate_request.request_of(sources, board, camera, plumb=plumb, over=over)
     with _terminal.progress("looking for the board") as report_progress:
-        plane = calibrate_plane(request, report_progress)
-    drawn = _calibrate_output.save(plane, output, plot=plot, overwrite=force)
-    typer.echo(_calibrate_output.text_of(plane.calibration, json=json))
+        plane = _calibration.calibrated(sources, board, camera, plumb, over, report_progress)
+    drawn = _calibration.save(plane, output, plot=plot, overwrite=force)
+    typer.echo(_calibration.text_of(plane.calibration, json=json))
     for path in drawn:
         typer.echo(f"drawn: {path}", err=True)
     scaled = ("--phenomenon", "NAME", "--calibration", output)

@@ -44,8 +44,9 @@ def gt(
         _terminal.check_dataset(dataset)
     from iris_sysid.benchmark.dataset import BOARD
     from iris_sysid.benchmark.groundtruth import direct
+    from iris_sysid.benchmark.groundtruth.clip import Conditions
     from iris_sysid.benchmark.groundtruth.effects import lacking_effects
-    from iris_sysid.benchmark.groundtruth.measure import Conditions, measure
+    from iris_sysid.benchmark.groundtruth.measure import measure
     from iris_sysid.benchmark.groundtruth.parameters import parameters_document
     from iris_sysid.cli import _parsing
     from iris_sysid.io.files import check_writable

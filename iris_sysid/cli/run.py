@@ -36,13 +36,7 @@ def run(
     chosen = PHENOMENA.named(phenomenon)
     by_hand = _terminal.by_hand(output, video, "--phenomenon", phenomenon, *as_typed(film))
     with by_hand, _terminal.progress("tracking", then="calibrating and fitting") as report_progress:
-        request = film.request(chosen, progress=report_progress)
-        result = one_clip.run(
-            video,
-            request.phenomenon or chosen,
-            options=request.tracking,
-            **request.of_tracks(),
-        )
+        result = one_clip.run_request(video, film.request(chosen, progress=report_progress))
     page = one_clip.save(result, output, overwrite=force)
     _terminal.show_fit(result.fit, result.trajectory, json)
     typer.echo(f"report: {page}", err=True)

@@ -20,7 +20,7 @@ from iris_sysid.io.group_column import names_groups, several_groups
 from iris_sysid.io.json_documents import read_document
 from iris_sysid.io.rounded_times import unrounded
 from iris_sysid.io.schemas import OriginDocument, number
-from iris_sysid.io.table_cells import read_cells
+from iris_sysid.io.table_cells import Cells, read_cells
 from iris_sysid.io.table_headers import example_of, parse_headers, states_unit, titles_of
 from iris_sysid.types import (
     TRACK_MASKS,
@@ -57,6 +57,7 @@ TRACK_COLUMNS = (
 SORTED = "sort the rows by time, without duplicates"
 SIDE_CAR = ".origin.json"  # after the name of a table: what a CSV cannot store
 SPECIAL_COLUMNS = ("t_s", "valid", "segment")
+NOTHING_BESIDE = OriginDocument(table="", table_sha256="0" * 64)
 
 
 def side_car_of(path: str | Path) -> Path:
@@ -64,10 +65,10 @@ def side_car_of(path: str | Path) -> Path:
     return Path(f"{path}{SIDE_CAR}")
 
 
-def _read_beside(path: str | Path) -> tuple[OriginDocument | None, dict[str, Any]]:
-    """The content of the origin file, if there is one, and the origin of the table."""
+def _read_beside(path: str | Path) -> tuple[OriginDocument, dict[str, Any]]:
+    """The content of the origin file, which may say nothing, and the origin of the table."""
     if not side_car_of(path).exists():
-        return None, origin_of(path, {})
+        return NOTHING_BESIDE, origin_of(path, {})
     try:
         document = read_document(side_car_of(path), OriginDocument)
     except DataError as error:
@@ -128,16 +129,14 @@ def read_track(path: str | Path) -> list[Track]:
             sheet.refuse("body", row, "is blank; give the name of the body")
         bodies.setdefault(unguarded(body), []).append(row)
     beside = {body: _beside_body(document, origin, body) for body in bodies}
-    if document is not None and document.camera_motion is not None:
+    if document.camera_motion is not None:
         for body, rows in bodies.items():
             beside[body]["camera_motion"] = document.camera_motion.maps(columns["frame"][rows])
     return [_track(sheet, columns, body, rows, beside[body]) for body, rows in bodies.items()]
 
 
-def _beside_body(document: OriginDocument | None, origin: Mapping[str, Any], body: str) -> dict[str, Any]:
+def _beside_body(document: OriginDocument, origin: Mapping[str, Any], body: str) -> dict[str, Any]:
     """The fields of a Track that the origin file gives for one body."""
-    if document is None:
-        return {"origin": origin}
     stated = document.body_error_autocorrelation.get(body, document.error_autocorrelation)
     return {
         "origin": {**origin, **document.bodies.get(body, {})},
@@ -233,7 +232,8 @@ def read_trajectory(path: str | Path, columns: Mapping[str, str] | None = None) 
         _refuse_groups(sheet.label, title, list(cells) if names_groups(title) else [])
     if "x_px" in sheet and ("body" in sheet or "frame" in sheet):
         raise DataError(f"{sheet.label} is a track, in pixels; it needs read_track and to_world, or iris-sysid run")
-    return trajectory_of_sheet(sheet, *_read_beside(path))
+    document, origin = _read_beside(path)
+    return trajectory_of_sheet(sheet, origin, document)
 
 
 def _foreign(header: str) -> bool:
@@ -251,8 +251,13 @@ def _of_another_program(path: str | Path, columns: Mapping[str, str] | None) -> 
     cells = read_cells(path)
     for k, title in enumerate(titles_of(cells)):
         _refuse_groups(cells.label, title, [row[k] for row in cells.rows])
+    return trajectory_of_cells(cells, columns, origin_of(cells.file, {}))
+
+
+def trajectory_of_cells(cells: Cells, columns: Mapping[str, str] | None, origin: Mapping[str, Any]) -> Trajectory:
+    """The trajectory that a table of another program holds; what was made of its columns is in ``read_as``."""
     sheet, read_as = parse_headers(cells, columns)
-    return trajectory_of_sheet(sheet, None, {**origin_of(cells.file, {}), "read_as": list(read_as)})
+    return trajectory_of_sheet(sheet, {**origin, "read_as": list(read_as)})
 
 
 def _refuse_groups(label: str, title: str, cells: Sequence[str]) -> None:
@@ -266,7 +271,9 @@ def _refuse_groups(label: str, title: str, cells: Sequence[str]) -> None:
         )
 
 
-def trajectory_of_sheet(sheet: Sheet, document: OriginDocument | None, origin: Mapping[str, Any]) -> Trajectory:
+def trajectory_of_sheet(
+    sheet: Sheet, origin: Mapping[str, Any], document: OriginDocument = NOTHING_BESIDE
+) -> Trajectory:
     """The trajectory that the columns of a table, under this project's names, and the file beside it hold.
 
     DataError when a column does not belong to a trajectory, or a cell does not hold what its column should.
@@ -282,7 +289,7 @@ def trajectory_of_sheet(sheet: Sheet, document: OriginDocument | None, origin: M
     t_s, rounded = _even_times(sheet)
     origin = {**origin, "read_as": [*origin.get("read_as", ()), rounded]} if rounded else origin
     positions = {column.header: _values(sheet, column) for column in measured}
-    stated = document.error_autocorrelation if document else None
+    stated = document.error_autocorrelation
     return Trajectory(
         t_s=t_s,
         quantities=_restored(measured, document),
@@ -292,32 +299,32 @@ def trajectory_of_sheet(sheet: Sheet, document: OriginDocument | None, origin: M
         input_quantities=_restored(inputs, document),
         inputs=np.column_stack([_values(sheet, column) for column in inputs]) if inputs else None,
         segments=_segments(sheet, document),
-        geometry={name: entry.estimate() for name, entry in document.geometry.items()} if document else {},
+        geometry={name: entry.estimate() for name, entry in document.geometry.items()},
         smoothed=_smoothed(sheet, columns, measured, document),
         origin={**origin, "converted": converted} if converted else origin,
         systematic=_systematic(sheet, document, (t_s.size, len(measured))),
         error_autocorrelation=stated.autocorrelation() if stated else None,
-        first_frame=document.first_frame if document else None,
-        sensor=document.sensor if document else "unknown",
+        first_frame=document.first_frame,
+        sensor=document.sensor,
         view=_view(sheet, document, measured),
-        doubts=tuple(entry.doubt() for entry in document.doubts) if document else (),
-        known={name: entry.estimate() for name, entry in document.known.items()} if document else {},
+        doubts=tuple(entry.doubt() for entry in document.doubts),
+        known={name: entry.estimate() for name, entry in document.known.items()},
         free=_open_constants(measured, document),
-        hold=document.hold if document else "linear",
+        hold=document.hold,
     )
 
 
-def _open_constants(columns: Sequence[Column], document: OriginDocument | None) -> tuple[str, ...]:
+def _open_constants(columns: Sequence[Column], document: OriginDocument) -> tuple[str, ...]:
     """Constants to estimate; without a file that states them, the zero of every angle, which nothing says."""
-    if document is not None and document.free is not None:
+    if document.free is not None:
         return tuple(document.free)
     angles = [re.fullmatch(r"theta_?(\d*)", column.name) for column in columns if column.unit == "rad"]
     return tuple(f"vertical_{match[1]}".rstrip("_") for match in angles if match)
 
 
-def _view(sheet: Sheet, document: OriginDocument | None, columns: Sequence[Column]) -> View | None:
+def _view(sheet: Sheet, document: OriginDocument, columns: Sequence[Column]) -> View | None:
     """How the quantities lie in the image; DataError where the origin file states the view of other quantities."""
-    if document is None or document.view is None:
+    if document.view is None:
         return None
     remedy = f"{side_car_of(sheet.label)}: view: {{}}; delete that file, or write the table again"
     try:
@@ -329,10 +336,10 @@ def _view(sheet: Sheet, document: OriginDocument | None, columns: Sequence[Colum
     return view
 
 
-def _systematic(sheet: Sheet, document: OriginDocument | None, shape: tuple[int, int]) -> dict[str, Array]:
+def _systematic(sheet: Sheet, document: OriginDocument, shape: tuple[int, int]) -> dict[str, Array]:
     """Systematic error patterns by source (r, n, d); DataError when the shape is not that of the table (n, d)."""
     by_source = {}
-    for source, patterns in document.systematic.items() if document else ():
+    for source, patterns in document.systematic.items():
         if any(len(rows) != shape[0] or any(len(row) != shape[1] for row in rows) for rows in patterns):
             raise DataError(
                 f"{sheet.label}: systematic[{source!r}] in the file beside it does not have {shape[1]} numbers for "
@@ -398,14 +405,14 @@ def _some_valid(sheet: Sheet, positions: Mapping[str, Array]) -> Mask:
     return valid
 
 
-def _restored(columns: Sequence[Column], document: OriginDocument | None) -> tuple[Quantity, ...]:
+def _restored(columns: Sequence[Column], document: OriginDocument) -> tuple[Quantity, ...]:
     """The quantities of the columns, with the symbols that the origin file gives them."""
-    entries = [*document.quantities, *document.inputs] if document else []
+    entries = (*document.quantities, *document.inputs)
     known = {entry.quantity().column: entry.quantity() for entry in entries}
     return tuple(known.get(column.quantity.column, column.quantity) for column in columns)
 
 
-def _segments(sheet: Sheet, document: OriginDocument | None) -> tuple[Segment, ...]:
+def _segments(sheet: Sheet, document: OriginDocument) -> tuple[Segment, ...]:
     """The segments of the table; with their reasons where the origin file has the same segments."""
     if "segment" not in sheet:
         return ()
@@ -414,7 +421,7 @@ def _segments(sheet: Sheet, document: OriginDocument | None) -> tuple[Segment, .
     for row, label in enumerate(labels):
         if label is not None and label not in known:
             sheet.refuse("segment", row, f"is not a segment; there are {', '.join(known)}, or blank")
-    stated = tuple(entry.segment() for entry in document.segments) if document else ()
+    stated = tuple(entry.segment() for entry in document.segments)
     inside = all(segment.start < segment.stop <= len(labels) for segment in stated)
     if inside and segment_labels(stated, len(labels)) == labels:
         return stated
@@ -427,7 +434,7 @@ def _smoothed(
     sheet: Sheet,
     columns: Mapping[Key, Column],
     measured: Sequence[Column],
-    document: OriginDocument | None,
+    document: OriginDocument,
 ) -> Smoothed | None:
     names = [column.name for column in measured]
     values, rates = ([(part, False, name) for name in names] for part in ("smooth", "rate"))
@@ -470,9 +477,9 @@ def _covariance(
     return covariance
 
 
-def _smoothing(sheet: Sheet, d: int, document: OriginDocument | None) -> tuple[Array, Array]:
+def _smoothing(sheet: Sheet, d: int, document: OriginDocument) -> tuple[Array, Array]:
     """Process noise and NIS of each quantity, NaN where the origin file does not state them."""
-    smoothing = document.smoothing if document else None
+    smoothing = document.smoothing
     if smoothing is None:
         return np.full(d, np.nan), np.full(d, np.nan)
     if not len(smoothing.psd) == len(smoothing.nis) == d:

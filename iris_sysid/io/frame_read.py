@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, Any, get_args
 
 from iris_sysid.errors import DataError
 from iris_sysid.io.csv_cells import Sheet
-from iris_sysid.io.csv_read import trajectory_of_sheet
+from iris_sysid.io.csv_read import trajectory_of_cells, trajectory_of_sheet
 from iris_sysid.io.files import origin_of
 from iris_sysid.io.table_cells import Cells
-from iris_sysid.io.table_headers import parse_headers
 from iris_sysid.types import Quantity, Sensor, Trajectory
 
 if TYPE_CHECKING:
@@ -68,10 +67,9 @@ def from_frame(frame: pd.DataFrame, columns: Mapping[str, str] | None = None) ->
         own = {str(name): _cells(table.iloc[:, k])[1] for k, name in enumerate(table.columns)}
         if len(own) < table.shape[1]:
             raise DataError("the data frame has two columns of the same name; rename or delete one")
-        trajectory = trajectory_of_sheet(Sheet(LABEL, own, lines), None, origin)
+        trajectory = trajectory_of_sheet(Sheet(LABEL, own, lines), origin)
     else:
-        sheet, read_as = parse_headers(_as_cells(table, lines), columns)
-        trajectory = trajectory_of_sheet(sheet, None, {**origin, "read_as": list(read_as)})
+        trajectory = trajectory_of_cells(_as_cells(table, lines), columns, origin)
     return trajectory.with_(sensor=_sensor(frame.attrs))
 
 

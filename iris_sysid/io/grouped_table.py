@@ -7,11 +7,11 @@ from dataclasses import replace
 from pathlib import Path
 
 from iris_sysid.errors import DataError
-from iris_sysid.io.csv_read import trajectory_of_sheet
+from iris_sysid.io.csv_read import trajectory_of_cells
 from iris_sysid.io.files import origin_of
 from iris_sysid.io.group_column import names_in, several_groups
 from iris_sysid.io.table_cells import Cells, read_cells
-from iris_sysid.io.table_headers import parse_headers, titles_of
+from iris_sysid.io.table_headers import titles_of
 from iris_sysid.types import Trajectory
 
 
@@ -55,8 +55,7 @@ def read_group(path: str | Path, column: str, name: str, columns: Mapping[str, s
         rows=tuple(cells.rows[row] for row in rows),
         lines=tuple(cells.lines[row] for row in rows),
     )
-    sheet, read_as = parse_headers(own, columns)
-    return trajectory_of_sheet(sheet, None, {**origin_of(cells.file, {}), "read_as": list(read_as)})
+    return trajectory_of_cells(own, columns, origin_of(cells.file, {}))
 
 
 def _group_column(cells: Cells, titles: Sequence[str], wanted: str | None) -> int:

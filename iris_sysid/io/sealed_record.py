@@ -173,4 +173,4 @@ def _unsealed(data: bytes, path: Path) -> Trajectory:
         raise DataError(f"{path} is not a record that iris-sysid sealed: {error!s:.100}") from error
     if not reader.eof:
         raise DataError(f"{path} is cut short, or unpacks to more than {MAX_BYTES / 1e6:.0f} MB")
-    return trajectory_of_sheet(sheet_of(table, str(path)), None, origin_of(path, {}))
+    return trajectory_of_sheet(sheet_of(table, str(path)), origin_of(path, {}))

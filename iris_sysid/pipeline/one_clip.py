@@ -52,9 +52,12 @@ class RunRequest:
     clip: ClipOptions = WHOLE_CLIP
     geometry: GeometryOptions = NO_GEOMETRY
 
-    def of_tracks(self) -> dict[str, Any]:
-        """The arguments of :func:`run_tracked`, which :func:`run` takes too."""
-        return {name: value for name, value in self.values().items() if name not in ("phenomenon", "tracking")}
+    @property
+    def chosen(self) -> Phenomenon:
+        """The phenomenon; DataError where none was chosen."""
+        if self.phenomenon is None:
+            raise DataError("no phenomenon was chosen, so that nothing can be fitted")
+        return self.phenomenon
 
     def values(self) -> dict[str, Any]:
         """The values by name, without those that a more special request adds."""
@@ -280,7 +283,7 @@ def run(
         When the clip cannot be read, followed, calibrated or observed.
     """
     chosen = PHENOMENA.resolved(phenomenon)
-    told = RunRequest(
+    request = RunRequest(
         chosen,
         calibration=scale_from_text(calibration) if isinstance(calibration, str) else calibration,
         settings=dict(settings or {}),
@@ -289,40 +292,32 @@ def run(
         clip=clip,
         geometry=geometry,
     )
-    video, tracks = track_clip(source, chosen, told)
-    return run_tracked(video, tracks, chosen, source=source, **told.of_tracks())
+    return run_request(source, request)
 
 
-def track_clip(source: str | Path, phenomenon: Phenomenon, request: RunRequest) -> tuple[Video, list[Track]]:
+def run_request(source: str | Path, request: RunRequest) -> Run:
+    """Run the chain on one clip, as :func:`run` does, by a request."""
+    video, tracks = track_clip(source, request)
+    return run_tracked(video, tracks, request, source)
+
+
+def track_clip(source: str | Path, request: RunRequest) -> tuple[Video, list[Track]]:
     """The first step of :func:`run`: open the clip, and follow its bodies by the tracker of the phenomenon.
 
     The request is checked before any frame is read, and recorded in the tracks' origin. Raises what :func:`run` raises.
     """
-    check_request(phenomenon, request.settings, request.free, request.geometry)
+    check_request(request)
     video = open_clip(source, request.clip)
     if request.calibration is not None:
         check_image_size(request.calibration.image_size, (video.width, video.height))
-    if request.tracking.marks and phenomenon.tracker != AUTO:
-        raise DataError(
-            f"marks of bodies are for the tracker {AUTO}, not for {phenomenon.tracker}; add --tracker {AUTO}"
-        )
-    tracks = track(video, phenomenon.tracker, request.tracking)
-    recorded = request_origin(phenomenon, request)
-    return video, from_source(tracks, source, recorded, complete=video.complete)
+    tracker = request.chosen.tracker
+    if request.tracking.marks and tracker != AUTO:
+        raise DataError(f"marks of bodies are for the tracker {AUTO}, not for {tracker}; add --tracker {AUTO}")
+    tracks = track(video, tracker, request.tracking)
+    return video, from_source(tracks, source, request_origin(request), complete=video.complete)
 
 
-def run_tracked(
-    video: Video,
-    tracks: Sequence[Track],
-    phenomenon: str | Phenomenon,
-    *,
-    source: str | Path,
-    calibration: Calibration | None = None,
-    settings: Mapping[str, Estimate] | None = None,
-    free: Sequence[str] = (),
-    clip: ClipOptions = WHOLE_CLIP,
-    geometry: GeometryOptions = NO_GEOMETRY,
-) -> Run:
+def run_tracked(video: Video, tracks: Sequence[Track], request: RunRequest, source: str | Path) -> Run:
     """Run the chain from the tracks on: calibrate, segment, observe, smooth, fit.
 
     Parameters
@@ -331,22 +326,20 @@ def run_tracked(
         The clip that the tracks are of.
     tracks
         One per body, in px, by a tracker or corrected by hand; their origin becomes that of the results.
-    phenomenon
-        Registered name, ``FILE.py:NAME``, or the phenomenon itself.
+    request
+        How they are calibrated and fitted.
     source
         The file of the clip.
-    calibration, settings, free, clip, geometry
-        As for :func:`run`.
     """
     from iris_sysid.trajectory.vertical_and_scale import align_vertical, gravity_calibration, vertical_note
 
-    chosen = PHENOMENA.resolved(phenomenon)
-    known = dict(settings or {})
-    check_request(chosen, known, free, geometry)
+    check_request(request)
+    chosen, geometry, free = request.chosen, request.geometry, request.free
+    known, calibration = dict(request.settings), request.calibration
     if geometry.scale_from_gravity is not None:
         calibration = gravity_calibration(tracks[0], chosen, geometry.scale_from_gravity)
         known["gravity"] = geometry.scale_from_gravity
-        free = [*free, "magnification"]
+        free = (*free, "magnification")
     calibration = align_vertical(calibration or uncalibrated(), tracks[0], chosen, geometry.plumb_px, geometry.vertical)
     world, trajectory, result = observe_and_fit(
         tracks,
@@ -355,7 +348,7 @@ def run_tracked(
         known,
         free,
         marks_px=geometry.marks_px,
-        clock_stderr=clip.fps_stderr,
+        clock_stderr=request.clip.fps_stderr,
         image_size=(video.width, video.height),
     )
     trajectory, result = _with_capture_rate(video, tracks[0], trajectory, result)
@@ -388,21 +381,12 @@ def _with_capture_rate(
     return trajectory.with_(doubts=doubts), replace(result, doubts=doubts)
 
 
-def check_request(
-    phenomenon: Phenomenon, settings: Mapping[str, Estimate], free: Sequence[str], geometry: GeometryOptions
-) -> None:
-    """Refuse, before any frame is read, what this phenomenon cannot use.
+def check_request(request: RunRequest) -> None:
+    """Refuse, before any frame is read, what the phenomenon of a request cannot use.
 
-    Parameters
-    ----------
-    phenomenon, settings, free, geometry
-        As for :func:`run`.
-
-    Raises
-    ------
-    UnknownNameError, CalibrationError, DataError
-        When it has no use for one of them.
+    UnknownNameError, CalibrationError or DataError when it has no use for a setting, a constant, a mark or gravity.
     """
+    phenomenon, settings, free, geometry = request.chosen, request.settings, request.free, request.geometry
     names = accepted_settings(phenomenon)
     for name in (*settings, *free):
         if name not in names or (name in free and name in phenomenon.settings):
@@ -417,9 +401,9 @@ def check_request(
         raise CalibrationError(f"gravity gives the scale of a free flight only, not of {phenomenon.name}")
 
 
-def request_origin(phenomenon: Phenomenon, told: RunRequest) -> dict[str, Any]:
+def request_origin(told: RunRequest) -> dict[str, Any]:
     """The request as the origin of a track holds it; ``iris-sysid review`` reads it back."""
-    clip, geometry, options = told.clip, told.geometry, told.tracking
+    phenomenon, clip, geometry, options = told.chosen, told.clip, told.geometry, told.tracking
     gravity = geometry.scale_from_gravity
     return {
         "phenomenon": phenomenon.name,

@@ -40,7 +40,7 @@ def open_clip(clip: Path, folder: Path, request: ReviewRequest) -> Session:
         raise DataError(f"{folder} holds results already: open them, iris-sysid review {folder}, or give another -o")
     check_writable(folder / LOG_NAME)
     if request.phenomenon is not None:
-        check_request(request.phenomenon, request.settings, request.free, request.geometry)
+        check_request(request)
     session = Session(clip, folder, ReviewState(request))
     _begin(session, request)
     return session

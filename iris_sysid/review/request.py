@@ -45,8 +45,7 @@ class ReviewRequest(RunRequest):
         ignored = {"ignored": [[mark.x_px, mark.y_px, mark.frame] for mark in self.ignored]} if self.ignored else {}
         if self.phenomenon is None:
             return {"tracker": self.tracker, "fps": self.clip.fps, **ignored}
-        told = replace(self, tracking=self.track_options)
-        return {**request_origin(self.phenomenon, told), **ignored}
+        return {**request_origin(replace(self, tracking=self.track_options)), **ignored}
 
 
 def request_of(options: Mapping[str, Any], calibration: Calibration | None = None) -> ReviewRequest:

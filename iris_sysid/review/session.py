@@ -210,13 +210,7 @@ class Session:
     def _fit_of(self, request: ReviewRequest, bodies: Sequence[Track]) -> Callable[[Video], Run] | None:
         if request.phenomenon is None or not bodies:
             return None
-        return partial(
-            one_clip.run_tracked,
-            tracks=bodies,
-            phenomenon=request.phenomenon,
-            source=self.clip,
-            **request.of_tracks(),
-        )
+        return partial(one_clip.run_tracked, tracks=bodies, request=request, source=self.clip)
 
     @cached_property
     def _whole_video(self) -> Video:

@@ -7,7 +7,8 @@ import pytest
 
 from iris_sysid.benchmark.groundtruth import clip
 from iris_sysid.benchmark.groundtruth.boards import board_of, calibrate_class
-from iris_sysid.benchmark.groundtruth.measure import Conditions, measure
+from iris_sysid.benchmark.groundtruth.clip import Conditions
+from iris_sysid.benchmark.groundtruth.measure import measure
 from iris_sysid.calibration.pixel_scale import scale
 from iris_sysid.errors import CalibrationError, DataError
 from iris_sysid.io.json_documents import read_document
@@ -201,7 +202,7 @@ def test_class_is_calibrated_once(tmp_path, monkeypatch):
     class Made:
         calibration = scale(400.0, 1.0)
 
-    monkeypatch.setattr(boards, "calibrate_plane", lambda request, **_: calls.append(request) or Made())
+    monkeypatch.setattr(boards, "calibrate_by_board", lambda clips, board: calls.append(clips) or Made())
     (tmp_path / "checkerboard.mp4").write_bytes(b"a film of a board")
     board = boards.BoardEntry(inner_corners=(9, 6), square_m=0.025)
     for _ in range(2):

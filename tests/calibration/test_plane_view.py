@@ -9,14 +9,13 @@ import pytest
 
 from iris_sysid import render_checkerboard
 from iris_sysid.calibration.board.board import Board
-from iris_sysid.calibration.board.calibrate import BoardPlacement
+from iris_sysid.calibration.board.calibrate import BoardPlacement, calibrate_board
 from iris_sysid.calibration.board.plane_pose import plane_from_board
 from iris_sysid.calibration.board.plane_view import with_plane_view_doubt
 from iris_sysid.calibration.calibration_json import read_calibration, write_calibration
 from iris_sysid.calibration.camera import calibrate_camera
 from iris_sysid.calibration.pixel_scale import scale
 from iris_sysid.calibration.plane import geometry_of
-from iris_sysid.calibration.request import CalibrationRequest, calibrate_plane
 from iris_sysid.types import Doubt
 from tests._board_pictures import BOARD, simulated_views
 
@@ -92,7 +91,7 @@ def test_small_board_is_seen_in_the_first_frame_and_gives_scale_and_axes(tmp_pat
     render_checkerboard("pendulum", tmp_path / "board.mp4", size=(320, 180), seed=1)
     truth = json.loads((tmp_path / "board.truth.json").read_text())
     shown = Board(9, 6, truth["board"]["square_m"])
-    found = calibrate_plane(CalibrationRequest((tmp_path / "board.mp4",), shown)).calibration
+    found = calibrate_board([tmp_path / "board.mp4"], shown).calibration
     assert not found.doubts
     assert "frame 0 (0.000 s), the first that shows the board, lies in its plane" in found.assumed
     assert abs(found.scale.value - truth["camera"]["pixels_per_metre"]) < 2.5 * found.scale.stderr
@@ -113,8 +112,7 @@ def test_error_of_the_scale_from_one_view_covers_over_scenes_and_sizes(tmp_path,
         render_checkerboard(scene, clip, size=size, fps=10.0, seed=seed)
         truth = json.loads(clip.with_suffix(".truth.json").read_text())
         board = Board(9, 6, truth["board"]["square_m"])
-        request = CalibrationRequest((clip,), board, BoardPlacement(view=2), one_image=True)
-        found = calibrate_plane(request).calibration.scale
+        found = calibrate_board([clip], board, placement=BoardPlacement(view=2), one_image=True).calibration.scale
         pulls.append((found.value - truth["camera"]["pixels_per_metre"]) / found.stderr)
     assert 0.5 < np.sqrt(np.mean(np.square(pulls))) < 1.25
     assert np.mean(np.abs(pulls) < 1.96) > 0.9

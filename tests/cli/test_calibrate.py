@@ -18,7 +18,6 @@ from iris_sysid.calibration.calibration_json import read_calibration, write_cali
 from iris_sysid.calibration.camera import calibrate_camera
 from iris_sysid.calibration.pixel_scale import scale, to_world, uncalibrated
 from iris_sysid.calibration.plane import to_pixels, to_plane
-from iris_sysid.calibration.request import CalibrationRequest, calibrate_plane
 from iris_sysid.cli import app
 from iris_sysid.errors import CalibrationError, DataError, IrisError
 from iris_sysid.io.csv_read import read_trajectory
@@ -482,9 +481,8 @@ def test_command_says_why_images_give_no_calibration(pictures, tmp_path, change,
 def test_calibration_that_belongs_to_another_clip_is_refused_where_it_is_made(made, pictures, tmp_path):
     other = tmp_path / "other.png"
     cv2.imwrite(str(other), np.zeros((1080, 1920), np.uint8))
-    request = CalibrationRequest((pictures[0] / "view0.png",), Board(9, 6, 0.03), one_image=True, clip=other)
     with pytest.raises(CalibrationError, match=r"of the same shape.*calibrate at 1920x1080 px"):
-        calibrate_plane(request)
+        command(pictures[0] / "view0.png", *BOARD_OPTIONS, "--one-image", "--over", other, "-o", tmp_path / "c.json")
 
 
 @pytest.mark.slow

@@ -39,7 +39,8 @@ def video(swing):
 
 def test_run_is_the_same_as_in_this_process(swing, video):
     tracks = read_track(swing / "out" / "track.csv")
-    fit = partial(one_clip.run_tracked, tracks=tracks, phenomenon="pendulum", source=video.path)
+    request = one_clip.RunRequest(PHENOMENA["pendulum"])
+    fit = partial(one_clip.run_tracked, tracks=tracks, request=request, source=video.path)
     apart, here = fitted_apart(fit, video, never), fit(video)
     assert apart.fit.estimates["length"].value == here.fit.estimates["length"].value
     assert apart.video is video
@@ -49,9 +50,8 @@ def test_phenomenon_of_a_users_file_is_fitted_there_too(swing, video, tmp_path):
     own = tmp_path / "mine.py"
     own.write_text(Path(pendulum.__file__).read_text("utf-8"), "utf-8")
     mine = PHENOMENA.named(f"{own}:PHENOMENON")
-    fit = partial(
-        one_clip.run_tracked, tracks=read_track(swing / "out" / "track.csv"), phenomenon=mine, source=video.path
-    )
+    tracks = read_track(swing / "out" / "track.csv")
+    fit = partial(one_clip.run_tracked, tracks=tracks, request=one_clip.RunRequest(mine), source=video.path)
     assert fitted_apart(fit, video, never).fit.usable
 
 

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from iris_sysid.calibration.board.board import Board
+from iris_sysid.calibration.board.calibrate import calibrate_board as calibrate_by_board
 from iris_sysid.calibration.calibration_json import read_calibration, write_calibration
 from iris_sysid.calibration.pixel_scale import scale_bar_from_text, scale_from_text
-from iris_sysid.calibration.request import CalibrationRequest, calibrate_plane
 from iris_sysid.errors import CalibrationError, DataError, IrisError, OutputError
 from iris_sysid.io.files import json_text, origin_of, sha256_of, write_atomic
 from iris_sysid.io.json_documents import plain_origin
@@ -111,7 +111,7 @@ def calibrate_class(clip: Path, board: BoardEntry, folder: Path) -> Path:
     if _kept(path, origin_path, origin):
         return path
     shown = Board(*board.inner_corners, board.square_m, board.stderr_m)
-    plane = calibrate_plane(CalibrationRequest((clip,), shown))
+    plane = calibrate_by_board([clip], shown)
     write_calibration(plane.calibration, path, overwrite=True)
     write_atomic(origin_path, json_text({**origin, "calibration_sha256": sha256_of(path)}), overwrite=True)
     return path

@@ -31,6 +31,23 @@ RADIUS, GRAVITY, PROJECTED = "ball_radius", "gravity", "r0_f"
 KNOWN = (GRAVITY, RADIUS, "h0")  # values that fits may use; all others are estimated
 
 
+@dataclass(frozen=True, slots=True)
+class Conditions:
+    """Conditions of every clip: true frame rate, its relative error, and whether damaged files are used in part.
+
+    ``trials``: at most this many clips of each setting, in the order of their names; None for all. ``phenomenon``:
+    only its clips; None for all. ``transfer``: the camera's curve from light to grey levels; None takes
+    the files' tags.
+    """
+
+    fps: float | None = None
+    clock_stderr: float = 0.0
+    keep_partial: bool = False
+    trials: int | None = None
+    phenomenon: str | None = None
+    transfer: Transfer | None = None
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class ClipJob:
     """One clip to measure, its known values, and the folder of its files.
@@ -42,10 +59,7 @@ class ClipJob:
     folder: Path
     calibrated: bool
     known: Mapping[str, Estimate]
-    fps: float | None
-    clock_stderr: float
-    keep_partial: bool
-    transfer: Transfer | None = None
+    conditions: Conditions
 
     def path(self, suffix: str) -> Path:
         """One of the clip's files."""
@@ -58,14 +72,14 @@ class ClipJob:
 
     def options(self) -> dict[str, Any]:
         """The options that the track depends on."""
-        phenomenon = PHENOMENA[self.clip.phenomenon]
+        phenomenon, transfer = PHENOMENA[self.clip.phenomenon], self.conditions.transfer
         return {
             "phenomenon": phenomenon.name,
             "tracker": phenomenon.tracker,
             "bodies": phenomenon.bodies,
-            "fps": self.fps,
-            "keep_partial": self.keep_partial,
-            "transfer": None if self.transfer is None else [self.transfer.text, self.transfer.stderr],
+            "fps": self.conditions.fps,
+            "keep_partial": self.conditions.keep_partial,
+            "transfer": None if transfer is None else [transfer.text, transfer.stderr],
         }
 
 
@@ -75,14 +89,12 @@ def measure_clip(job: ClipJob) -> tuple[bool, str]:
     Returns whether it was measured now, and the reason of a failure, else empty. OutputError when a file cannot be
     written.
     """
+    origin: dict[str, Any] = {}
     try:
         origin = _origin(job)
-    except IrisError as error:
-        return True, _failed(job, {}, str(error))
-    earlier = _earlier(job, origin)
-    if earlier is not None:
-        return False, earlier.message if earlier.status == "failed" else ""
-    try:
+        earlier = _earlier(job, origin)
+        if earlier is not None:
+            return False, earlier.message if earlier.status == "failed" else ""
         return True, _measured(job, origin)
     except OutputError:
         raise
@@ -98,7 +110,7 @@ def _origin(job: ClipJob) -> dict[str, Any]:
         for name, estimate in job.known.items()
     }
     calibration = None if job.calibration is None else sha256_of(job.calibration)
-    inputs = {"known": known, "calibration_sha256": calibration, "clock_stderr": job.clock_stderr}
+    inputs = {"known": known, "calibration_sha256": calibration, "clock_stderr": job.conditions.clock_stderr}
     return plain_origin(origin_of(job.clip.path, {**job.options(), **inputs}))
 
 
@@ -121,7 +133,7 @@ def _measured(job: ClipJob, origin: Mapping[str, Any]) -> str:
     settings, free = known_to_fit(phenomenon, job.known, calibration)
     try:
         _, trajectory, fit = observe_and_fit(
-            tracks, calibration, phenomenon, settings, free, clock_stderr=job.clock_stderr
+            tracks, calibration, phenomenon, settings, free, clock_stderr=job.conditions.clock_stderr
         )
     except IrisError as error:
         return _failed(job, origin, str(error), tracks)
@@ -140,8 +152,8 @@ def _tracks(job: ClipJob, origin: Mapping[str, Any]) -> list[Track]:
             return earlier
     except IrisError:
         pass  # missing or incomplete
-    video = open_video(job.clip.path, fps=job.fps, keep_partial=job.keep_partial)
-    options = TrackOptions(bodies=PHENOMENA[job.clip.phenomenon].bodies, transfer=job.transfer)
+    video = open_video(job.clip.path, fps=job.conditions.fps, keep_partial=job.conditions.keep_partial)
+    options = TrackOptions(bodies=PHENOMENA[job.clip.phenomenon].bodies, transfer=job.conditions.transfer)
     tracks = track(video, PHENOMENA[job.clip.phenomenon].tracker, options)
     write_track(from_source(tracks, job.clip.path, job.options()), path, overwrite=True)
     return read_track(path)  # as stored, so that a new and a kept track give the same fit
@@ -151,7 +163,7 @@ def _calibration(job: ClipJob) -> Calibration:
     if job.calibration is None:
         return uncalibrated()
     calibration = read_calibration(job.calibration)
-    video = open_video(job.clip.path, keep_partial=job.keep_partial)
+    video = open_video(job.clip.path, keep_partial=job.conditions.keep_partial)
     check_image_size(calibration.image_size, (video.width, video.height))
     return calibration
 

@@ -14,7 +14,7 @@ from iris_sysid.benchmark.groundtruth.boards import (
     calibrate_board,
     scale_class,
 )
-from iris_sysid.benchmark.groundtruth.clip import KNOWN, ClipJob, measure_clip, record_failure
+from iris_sysid.benchmark.groundtruth.clip import KNOWN, ClipJob, Conditions, measure_clip, record_failure
 from iris_sysid.calibration.calibration_json import read_calibration
 from iris_sysid.calibration.pixel_scale import uncalibrated
 from iris_sysid.errors import DataError, IrisError, OutputError
@@ -24,7 +24,7 @@ from iris_sysid.io.schemas.groundtruth import ClipDocument, MeasuredDocument
 from iris_sysid.pipeline.batch import Batch
 from iris_sysid.pipeline.parallel import Workers, check_workers, run_parallel
 from iris_sysid.registry import PHENOMENA
-from iris_sysid.types import Calibration, Progress, Track, Trajectory, Transfer, with_progress
+from iris_sysid.types import Calibration, Progress, Track, Trajectory, with_progress
 
 NOT_BY_BOARD = ("angle", "intensity")  # observables that need no scale
 IS_IT = "is the file damaged, or memory full?"
@@ -57,23 +57,6 @@ class ClipMeasurement:
         """The calibration of its class; the identity in px where the class has none."""
         path = self.folder.parent / NAME
         return read_calibration(path) if path.is_file() else uncalibrated()
-
-
-@dataclass(frozen=True, slots=True)
-class Conditions:
-    """Conditions of every clip: true frame rate, its relative error, and whether damaged files are used in part.
-
-    ``trials``: at most this many clips of each setting, in the order of their names; None for all. ``phenomenon``:
-    only its clips; None for all. ``transfer``: the camera's curve from light to grey levels; None takes
-    the files' tags.
-    """
-
-    fps: float | None = None
-    clock_stderr: float = 0.0
-    keep_partial: bool = False
-    trials: int | None = None
-    phenomenon: str | None = None
-    transfer: Transfer | None = None
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -207,16 +190,7 @@ def _no_scale(reason: str, listing: Listing) -> str:
 
 def _job(clip: Clip, root: Path, measured: MeasuredDocument, conditions: Conditions, calibrated: bool) -> ClipJob:
     known = {name: value for name, value in measured.values_of(clip.class_name, clip.setting).items() if name in KNOWN}
-    return ClipJob(
-        clip,
-        root,
-        calibrated,
-        known,
-        conditions.fps,
-        conditions.clock_stderr,
-        conditions.keep_partial,
-        conditions.transfer,
-    )
+    return ClipJob(clip, root, calibrated, known, conditions)
 
 
 def _measured(folder: Path, job: ClipJob) -> tuple[bool, str]:
