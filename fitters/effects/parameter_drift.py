@@ -11,23 +11,28 @@ MIN_SETTLING, MAX_SETTLING = -0.5, 10.0  # the rate at the end of a record is 4 
 
 
 def acceleration(
-    t: float, position: float, velocity: float, speed: float, base: float, params: tuple[float, float, float, float]
+    t: float,
+    position: float,
+    velocity: float,
+    speed: float,
+    base: float,
+    params: tuple[float, float, float, float, float],
 ) -> float:
-    """The base acceleration, times rate * (t - start) / (1 + settling * (t - start) / span)."""
-    rate, start, settling, span = params
+    """The base acceleration less a damping, times rate * (t - start) / (1 + settling * (t - start) / span)."""
+    rate, start, settling, damping, span = params
     since = t - start
-    return base * rate * since / (1.0 + settling * since / span)
+    return (base - damping * velocity) * rate * since / (1.0 + settling * since / span)
 
 
 def whole_record(t_s: Array, observed: Array) -> list[tuple[float, ...]]:
     """A steady rate from the first of the times (n,) s to the last; ``observed`` (n, d) is not used."""
-    return [(float(t_s[0]), 0.0, max(float(t_s[-1] - t_s[0]), MIN_SPAN))]
+    return [(float(t_s[0]), 0.0, 0.0, max(float(t_s[-1] - t_s[0]), MIN_SPAN))]
 
 
 EFFECT = Effect(
     name="parameter-drift",
     summary="forces that change slowly with time",
-    equation=r"\ddot x_0\,\epsilon\,(t - t_0) / (1 + \kappa\,(t - t_0) / T)",
+    equation=r"(\ddot x_0 - \gamma \dot x)\,\epsilon\,(t - t_0) / (1 + \kappa\,(t - t_0) / T)",
     source="Padé approximant [1/1] of a slow change: exact where a parameter is divided by 1 + e t, near for a decay",
     parameters=(
         Parameter("parameter_drift", "1/s", r"\epsilon", default=0.0),
@@ -41,6 +46,15 @@ EFFECT = Effect(
             default=0.0,
             constant=True,
             source="a steady rate",
+            role="form",
+        ),
+        Parameter(
+            "drift_damping",
+            "1/s",
+            r"\gamma",
+            default=0.0,
+            constant=True,
+            source="no damping drifts beside what pulls back",
             role="form",
         ),
         Parameter(

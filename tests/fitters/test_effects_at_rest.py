@@ -46,13 +46,20 @@ def test_effect_on_the_pull_acts_before_another_one_whatever_their_order(name):
 def test_where_nothing_pulls_back_the_whole_force_changes():
     coasting = model_from_equation("x'' = -c*x'", units={"x": "m", "c": "1/s"})
     model = with_effects(coasting, ["parameter-drift"])
-    params = {"c": 2.0, "parameter_drift": 0.1, "drift_start": 0.0, "drift_settling": 0.0, "drift_span": 1.0}
+    params = {
+        "c": 2.0,
+        "parameter_drift": 0.1,
+        "drift_start": 0.0,
+        "drift_settling": 0.0,
+        "drift_damping": 0.0,
+        "drift_span": 1.0,
+    }
     _, slope = model.rhs(3.0, (1.0, 0.5), tuple(params[each.name] for each in model.parameters))
     assert slope == pytest.approx(-2.0 * 0.5 * (1.0 + 0.1 * 3.0))
 
 
 @pytest.mark.parametrize(
-    ("name", "shape"), [("parameter-drift", (0.0, 0.0, 1.0)), ("slack-tether", (-1.0,)), ("clearance", (0.05,))]
+    ("name", "shape"), [("parameter-drift", (0.0, 0.0, 0.0, 1.0)), ("slack-tether", (-1.0,)), ("clearance", (0.05,))]
 )
 def test_first_order_change_is_that_of_the_simulation(name, shape):
     theta = simulate(PENDULUM, T_S, DAMPED).observed
