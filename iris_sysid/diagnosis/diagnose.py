@@ -501,8 +501,8 @@ def _in_open_world(world: OpenWorld, judgement: Judgement, fitted: FitResult, k:
     for name, error in zip(fitted.free, errors, strict=True):
         of_fit = fitted.estimates[name]
         known = max(estimates.get(name, of_fit), of_fit, key=lambda estimate: estimate.interval_stderr)
-        error = min(error, abs(known.value) / SIGN_KNOWN) if name in sizes else error
-        estimates[name] = replace(known, stderr=float(error), ci95=None) if error > known.stderr else known
+        wider = min(float(error), abs(known.value) / SIGN_KNOWN) if name in sizes else float(error)
+        estimates[name] = replace(known, stderr=wider, ci95=None) if wider > known.stderr else known
     every = replace(fitted, estimates={**fitted.estimates, **estimates})
     for effect in judged.effects:
         rivals = world.rivals.instead_of(judged, effect, judgement.rivals[effect.name])
