@@ -488,7 +488,7 @@ def _in_open_world(world: OpenWorld, judgement: Judgement, fitted: FitResult, k:
 
     They come from the scatter of fits without a block, and of those with a rival in the place of an effect. They are at
     least those of the fit, and those beside the components of the residual, which may have moved the values; but blocks
-    tell the sign of an effect's size, so that the components do not stretch its interval to zero.
+    tell the sign of an effect's size, so that neither stretches its interval to zero.
     """
     judged = judgement.model
     sizes = {effect.parameters[0].name for effect in judged.effects}
@@ -500,8 +500,9 @@ def _in_open_world(world: OpenWorld, judgement: Judgement, fitted: FitResult, k:
         errors = np.sqrt(np.maximum(np.diag(beside[1]), 0.0) + beside[0] ** 2)
     for name, error in zip(fitted.free, errors, strict=True):
         of_fit = fitted.estimates[name]
-        known = max(estimates.get(name, of_fit), of_fit, key=lambda estimate: estimate.interval_stderr)
-        wider = min(float(error), abs(known.value) / SIGN_KNOWN) if name in sizes else float(error)
+        known = estimates.get(name, of_fit)
+        wider = max(float(error), of_fit.stderr)
+        wider = min(wider, abs(known.value) / SIGN_KNOWN) if name in sizes else wider
         estimates[name] = replace(known, stderr=wider, ci95=None) if wider > known.stderr else known
     every = replace(fitted, estimates={**fitted.estimates, **estimates})
     for effect in judged.effects:
