@@ -304,9 +304,7 @@ def sensitivities(
         effect = through(effect, fitted.model, view_of(trajectory, fitted.model))
         return np.array([_seen_change(effect, fitted, each) for each in sizes])
     motion = motion or motion_of(fitted, trajectory)
-    base = motion.slopes
-    if is_at_rest(effect, motion.model):
-        base = rates(motion.model, motion.grid, at_rest(motion.states, motion.model), motion.values, motion.inputs)
+    base = acted_on(effect, motion.model, motion.grid, motion.states, motion.slopes, motion.values)
     where = fitted.model, motion.grid, motion.states, base
     count = max(FORCES_AT_ONCE // motion.grid.size, 1)
     groups = (sizes[first : first + count] for first in range(0, len(sizes), count))
@@ -410,6 +408,23 @@ def rates(model: OdeModel, t_s: Array, states: Array, values: Mapping[str, float
     return initial_value_problem(model, t_s, inputs, "linear").slopes(states, params)
 
 
+def acted_on(
+    effect: Effect, model: OdeModel, t_s: Array, states: Array, slopes: Array, values: Mapping[str, float]
+) -> Array:
+    """The derivatives (n, s) along a motion on which an effect acts: as they are, or of one at rest at zero velocity.
+
+    Parameters
+    ----------
+    effect
+        One that acts on the motion.
+    model, t_s, states, values
+        As for :func:`rates`.
+    slopes
+        The derivatives of the states (n, s).
+    """
+    return rates(model, t_s, at_rest(states, model), values, None) if is_at_rest(effect, model) else slopes
+
+
 def force_along(effect: Effect, sizes: Array, model: OdeModel, t_s: Array, states: Array, base: Array) -> Array:
     """What a unit of the effect adds to the highest derivatives (n, f) along a motion.
 
@@ -424,7 +439,7 @@ def force_along(effect: Effect, sizes: Array, model: OdeModel, t_s: Array, state
     t_s
         (n,) s.
     states, base
-        (n, s) the motion and its derivatives, of an effect that acts at rest those at zero velocity.
+        (n, s) the motion, and the derivatives that the effect acts on (:func:`acted_on`).
     """
     return np.asarray(forces_along(effect, sizes[None], model, t_s, states, base)[0])
 

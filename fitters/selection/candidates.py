@@ -206,16 +206,11 @@ def _adapted(
     upright = sorted(parameter.name for parameter in model.with_role("vertical"))
     fixed |= {name: Estimate(0.0, UPRIGHT, "rad", source="a camera held upright") for name in upright}
     opened += upright
-    zero = sorted(parameter.name for parameter in model.with_role("offset"))
+    zero, offset = sorted(parameter.name for parameter in model.with_role("offset")), EFFECTS["zero-offset"]
+    seen_as_it_is = not upright and model.observe is None and not model.events
     if zero:
         opened += zero
-    elif (
-        not upright
-        and model.observe is None
-        and not model.events
-        and not moves_with_its_zero(model)
-        and (offset := EFFECTS["zero-offset"]).applies(model)
-    ):
+    elif seen_as_it_is and not moves_with_its_zero(model) and offset.applies(model):
         model = with_effect(model, offset)
         if model.with_role("gravity") and model.observed[0].unit == "rad":  # an angle from the vertical
             size = offset.parameters[0].name

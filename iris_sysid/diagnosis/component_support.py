@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from iris_sysid.types import Component, ComponentKind, Components, Effect
 
-MIN_MAIN_SHARE = 0.85  # share of the residual's variance of a component that is nearly all of it
+DOMINANT_SHARE = 0.85  # of the residual's squares, of one component or effect that is nearly all of it
 EVIDENT_SHARE = 0.2  # of the residual without noise, that a component is which stands for what imitates anything
 
 
@@ -37,7 +37,7 @@ class ComponentSupport:
     def is_nearly_all(self, effect: Effect) -> bool:
         """Whether nearly all of the residual of a motion that turns back is of the kind of an effect itself."""
         main = self.parts[:1] if self.turns else ()
-        return any(part.kind == effect.component and part.share >= MIN_MAIN_SHARE for part in main)
+        return any(part.kind == effect.component and part.share >= DOMINANT_SHARE for part in main)
 
     def shows(self, effect: Effect) -> bool:
         """Whether there is a component that an effect can be the cause of, however small."""

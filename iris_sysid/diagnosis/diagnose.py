@@ -51,6 +51,7 @@ from iris_sysid.registry import EFFECTS, MODELS
 from iris_sysid.trajectory.smoothing import smooth
 from iris_sysid.types import (
     LITTLE_EXPLAINED,
+    NOISE_UNSURE,
     ComponentKind,
     Components,
     Diagnosis,
@@ -68,7 +69,6 @@ from iris_sysid.types import (
 )
 
 ABOVE_NOISE = 1.1  # residual / noise above which terms are suggested; the noise itself is known to a few percent
-NOISE_UNSURE = 3.0  # residual / noise up to which it may be correlated or quantised noise: then components decide
 NOISE_SHARE = 0.9  # of the residual's variance that components leave, where it is noise
 LIKELIEST = 2  # models of the search that explain the data to the noise, refitted with all samples
 FOLLOWED = 0.5  # of the variance of a driven motion, which a free run that follows it explains

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from iris_sysid.diagnosis.component_support import EVIDENT_SHARE, ComponentSupport
+from iris_sysid.diagnosis.component_support import DOMINANT_SHARE, EVIDENT_SHARE, ComponentSupport
 from iris_sysid.diagnosis.contributions import NAMED_SHARE, Contributions, starts_of
 from iris_sysid.diagnosis.effect_search import AT_ONCE, MAX_EFFECTS, EffectSearch
 from iris_sysid.diagnosis.evidence import DECISIVE
@@ -27,7 +27,6 @@ from iris_sysid.diagnosis.weak_ranking import WeakSet
 from iris_sysid.types import Component, Components, Effect, Finding
 
 ABSORBED_SHARE = 0.5  # of the squared error over blocks left out that what can imitate anything removes, if it is named
-DOMINANT_SHARE = 0.85  # of the residual's squares that it explains alone, where the components do not say it
 READINGS = 2  # best errors of a reading, that are tried beside what short windows show
 WEAK_SHARE = 0.5  # of the residual's variance, that a free run with values in weak form removes
 WORSE = "beside the others it predicts blocks that were left out worse"

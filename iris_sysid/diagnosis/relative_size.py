@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fitters.compose_effects import at_rest, is_at_rest
-from fitters.effect_sensitivity import force_along, rates
+from fitters.effect_sensitivity import acted_on, force_along, rates
 from fitters.image_effects import through, view_of
 from fitters.ode import simulate
 from iris_sysid.types import Array, Effect, FitResult, OdeModel, Trajectory
@@ -55,8 +54,8 @@ def _of_force(effect: Effect, sizes: Array, fitted: FitResult, model: OdeModel, 
     some = np.unique(np.linspace(0, used.size - 1, count).astype(np.intp))
     t_s, states = fitted.t_s[used][some], states[some]
     base = rates(model, t_s, states, values, None if inputs is None else inputs[some])
-    acts_on = rates(model, t_s, at_rest(states, model), values, None) if is_at_rest(effect, model) else base
-    force = sizes[0] * force_along(effect, sizes, model, t_s, states, acts_on)
+    own_force = acted_on(effect, model, t_s, states, base, values)
+    force = sizes[0] * force_along(effect, sizes, model, t_s, states, own_force)
     total = rates(fitted.model, t_s, states, values, None if inputs is None else inputs[some])
     own = max(_rms(each[:, fitted.model.forced_states]) for each in (base, total))
     return _rms(force) / own if own > 0 else 0.0

@@ -45,6 +45,7 @@ from iris_sysid.types._detections import Detector as Detector
 from iris_sysid.types._detections import Linker as Linker
 from iris_sysid.types._detections import LinkOptions as LinkOptions
 from iris_sysid.types._detections import Measurer as Measurer
+from iris_sysid.types._diagnosis import NOISE_UNSURE as NOISE_UNSURE
 from iris_sysid.types._diagnosis import UNEXPLAINED as UNEXPLAINED
 from iris_sysid.types._diagnosis import Diagnosis as Diagnosis
 from iris_sysid.types._diagnosis import DiagnosticNote as DiagnosticNote

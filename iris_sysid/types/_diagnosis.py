@@ -17,7 +17,7 @@ from iris_sysid.types._result import FitResult, imprecise, relative_errors
 from iris_sysid.types._verdict import Completeness, Doubt, Verdict, VerdictWord, times_text, worst_verdict
 
 UNEXPLAINED = 2.0  # residual / noise above which the model is incomplete: the noise estimate errs by less
-CORRELATED = 3.0  # the same of a residual without a form: what noise of a correlation of 0.8 over one sample reaches
+NOISE_UNSURE = 3.0  # the same where it may be correlated or quantised noise: 3 is a correlation of 0.8 over one sample
 NAMED = 0.9  # probability of an added effect below which another one may act instead
 INCOMPLETE = "The equation lacks more than was found: look at the parts of the residual"
 SEVERAL_NAMES = "A longer clip, a larger motion or a second clip tells them apart"
@@ -194,7 +194,7 @@ class Diagnosis(Shown):
         """
         left = self.remaining if self.added else self.components
         formless = left is not None and not left.parts and all(final.ok for final in self.finals)
-        return self.residual_ratio > (CORRELATED if formless else UNEXPLAINED)
+        return self.residual_ratio > (NOISE_UNSURE if formless else UNEXPLAINED)
 
     @property
     def verdict(self) -> Verdict:
