@@ -27,7 +27,7 @@ from iris_sysid.diagnosis.fit_cache import FitCache
 from iris_sysid.diagnosis.held_out_blocks import ALIKE
 from iris_sysid.diagnosis.kept_component import kept_effects
 from iris_sysid.diagnosis.library import EffectLibrary
-from iris_sysid.diagnosis.model_averaging import spanning
+from iris_sysid.diagnosis.model_averaging import spanning, with_larger_error
 from iris_sysid.diagnosis.noise_notes import noise_notes
 from iris_sysid.diagnosis.notes import diagnostic_notes, input_gap_notes, negative_damping_note, weak_notes
 from iris_sysid.diagnosis.open_world import Judgement, OpenWorld, with_components
@@ -503,7 +503,7 @@ def _in_open_world(world: OpenWorld, judgement: Judgement, fitted: FitResult, k:
         known = estimates.get(name, of_fit)
         wider = max(float(error), of_fit.stderr)
         wider = min(wider, abs(known.value) / SIGN_KNOWN) if name in sizes else wider
-        estimates[name] = replace(known, stderr=wider, ci95=None) if wider > known.stderr else known
+        estimates[name] = with_larger_error(known, wider)
     every = replace(fitted, estimates={**fitted.estimates, **estimates})
     for effect in judged.effects:
         rivals = world.rivals.instead_of(judged, effect, judgement.rivals[effect.name])

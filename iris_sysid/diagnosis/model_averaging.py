@@ -75,6 +75,22 @@ def spanning(chosen: Estimate, alternatives: Sequence[Estimate]) -> Estimate:
     return replace(chosen, stderr=max(chosen.stderr, reach / NORMAL_975), ci95=(low, high))
 
 
+def with_larger_error(known: Estimate, stderr: float) -> Estimate:
+    """A value with a standard error at least so large; its interval, of few blocks perhaps, gets no narrower by it.
+
+    Parameters
+    ----------
+    known
+        The value.
+    stderr
+        In its unit.
+    """
+    if not stderr > known.stderr:
+        return known
+    (low, high), half = known.interval, NORMAL_975 * stderr
+    return replace(known, stderr=stderr, ci95=(min(low, known.value - half), max(high, known.value + half)))
+
+
 def competing_effect(scores: Sequence[Score], name: str, independent: float) -> CompetingEffect | None:
     """How an effect that was not added would change a size; None where the data cannot show it, or it changes nothing.
 

@@ -14,6 +14,7 @@ from iris_sysid.diagnosis.model_averaging import (
     averaged_over_competitors,
     competing_effect,
     spanning,
+    with_larger_error,
 )
 from iris_sysid.diagnosis.score_test import screen
 from iris_sysid.registry import EFFECTS, MODELS
@@ -53,6 +54,15 @@ def test_interval_is_that_of_the_mixture():
 def test_interval_is_never_narrower_than_without_competing_effects():
     low, high = averaged_over_competitors(replace(SIZE, ci95=(1.0, 3.0)), [CompetingEffect(0.0, 0.0, 0.0)]).interval
     assert (low, high) == (1.0, 3.0)
+
+
+def test_larger_error_keeps_what_the_interval_holds_already():
+    of_few_blocks = Estimate(2.0, 0.6, "1", ci95=(-0.5, 4.5))  # Student's t of few degrees of freedom
+    assert with_larger_error(of_few_blocks, 0.5) == of_few_blocks
+    assert with_larger_error(of_few_blocks, 1.0) == replace(of_few_blocks, stderr=1.0)
+    wider = with_larger_error(of_few_blocks, 2.0)
+    assert wider.stderr == 2.0
+    assert wider.interval == replace(of_few_blocks, stderr=2.0, ci95=None).interval
 
 
 def test_effect_that_the_data_cannot_show_does_not_compete():
