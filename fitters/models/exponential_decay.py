@@ -20,12 +20,18 @@ def rhs(t: float, state: tuple[float], params: tuple[float, float]) -> tuple[flo
 
 
 def guess(trajectory: Trajectory) -> Mapping[str, float]:
-    """Take the decay rate from I' regressed on I in weak form."""
+    """Take the decay rate and the background from I' regressed on I and a constant in weak form."""
     t_s, intensity = samples(trajectory, "intensity")
-    (slope,), half_width_s = weak_regression(t_s, intensity, intensity[:, None], order=1)
+    terms = np.column_stack([intensity, np.ones_like(intensity)])
+    (slope, supply), half_width_s = weak_regression(t_s, intensity, terms, order=1)
     rate = -float(slope) if np.isfinite(slope) else 1.0 / float(t_s[-1] - t_s[0])
+    background = float(supply) / rate if rate > 0 and np.isfinite(supply) else 0.0
     start = start_of(t_s, intensity, half_width_s, degree=2)
-    return {"decay_rate": float(np.clip(rate, -1e3, 1e5)), "intensity_0": float(start[0])}
+    return {
+        "decay_rate": float(np.clip(rate, -1e3, 1e5)),
+        "background": background,
+        "intensity_0": float(start[0]) - background,
+    }
 
 
 MODEL = OdeModel(
@@ -36,15 +42,7 @@ MODEL = OdeModel(
     states=(Quantity("intensity", "1", "I"),),
     parameters=(
         Parameter("decay_rate", "1/s", r"\gamma", lower=-1e4, upper=1e6),
-        Parameter(
-            "background",
-            "1",
-            "I_b",
-            default=0.0,
-            constant=True,
-            source="no background unless it is freed",
-            role="offset",
-        ),
+        Parameter("background", "1", "I_b", default=0.0, role="offset"),
     ),
     observed=(Quantity("intensity", "1", "I"),),
     rhs=rhs,

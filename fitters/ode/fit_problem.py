@@ -213,7 +213,8 @@ def in_pixels(trajectory: Trajectory, model: OdeModel) -> bool:
 
 
 def in_units_of(trajectory: Trajectory, model: OdeModel) -> OdeModel:
-    """The model with metres replaced by px where the trajectory is in px."""
+    """The model with metres replaced by px where the trajectory is in px, and a number by what is measured."""
+    model = model.in_unit_of(trajectory)
     if not in_pixels(trajectory, model):
         return model
 

@@ -28,13 +28,13 @@ def held_zeros(trajectory: Trajectory, model: OdeModel, chosen: Collection[str])
     trajectory
         Its ``geometry`` and ``known`` may state them.
     model
-        Of second order: a background is not a rest position.
+        The governing equation.
     chosen
         Names that are held or estimated on request.
     """
     stated = {*chosen, *trajectory.geometry, *trajectory.known}
     rests = (parameter for parameter in model.with_role("offset") if parameter.constant and parameter.default == 0.0)
-    return tuple(parameter.name for parameter in rests if model.second_order and parameter.name not in stated)
+    return tuple(parameter.name for parameter in rests if parameter.name not in stated)
 
 
 def off_zero(trajectory: Trajectory, model: OdeModel) -> bool:

@@ -155,8 +155,8 @@ def _about_its_rest(request: FitRequest, asked: Sequence[str]) -> FitResult:
     result = solve(request)
     if calls_for_rest(result):
         _, result = with_rest(request, result)
-    freed = [parameter.name for parameter in request.model.with_role("offset") if request.model.second_order]
-    freed = [name for name in freed if name in result.free and name not in asked]
+    rests = held_zeros(request.trajectory, request.model, asked)
+    freed = [name for name in rests if name in result.free]
     note = f"the motion is not about zero: {', '.join(freed)} is estimated as well"
     return replace(result, notes=(*result.notes, note)) if freed else result
 

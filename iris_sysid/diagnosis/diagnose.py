@@ -50,6 +50,7 @@ from iris_sysid.io.one_thread import on_one_thread
 from iris_sysid.registry import EFFECTS, MODELS
 from iris_sysid.trajectory.smoothing import smooth
 from iris_sysid.types import (
+    FOLLOWED,
     LITTLE_EXPLAINED,
     NOISE_UNSURE,
     ComponentKind,
@@ -71,7 +72,6 @@ from iris_sysid.types import (
 ABOVE_NOISE = 1.1  # residual / noise above which terms are suggested; the noise itself is known to a few percent
 NOISE_SHARE = 0.9  # of the residual's variance that components leave, where it is noise
 LIKELIEST = 2  # models of the search that explain the data to the noise, refitted with all samples
-FOLLOWED = 0.5  # of the variance of a driven motion, which a free run that follows it explains
 SIGN_KNOWN = 2.0  # standard errors of a size whose 95 % interval ends at zero
 LOSS: ComponentKind = "force-of-velocity"
 SEARCH_SHARE = 0.7  # of the time allowed, for the search by blocks
@@ -143,6 +143,7 @@ def diagnose(
     model, tested = MODELS.resolved(model), EFFECTS.all_resolved(EFFECTS if effects is None else effects)
     given = [trajectories] if isinstance(trajectories, Trajectory) else trajectories
     measured = [_smoothed(model.taken_from(clip)[0], model) for clip in given]
+    model = model.in_unit_of(measured[0]) if measured else model
     requests = [FitRequest.stated(clip, model, dict(fixed or {}), free) for clip in measured]
     fitted = [_with_run(*with_free_geometry(request)) for request in requests]
     clips = [request for request, _ in fitted]
@@ -150,7 +151,7 @@ def diagnose(
     library = EffectLibrary(tested, model, measured)
     cache = FitCache(clips, model, library, base, holdout, budget.report)
     search = StepwiseSearch(cache)
-    components = components_of(clips, base.fits)
+    components = _components(clips, base.fits)
     kept = kept_effects(components, keep, model)
     every = world = OpenWorld(cache, components)
     stopped = []
@@ -205,6 +206,11 @@ def _with_run(request: FitRequest, fitted: FitResult) -> tuple[FitRequest, FitRe
 
 def _follows(fitted: FitResult) -> bool:
     return fitted.usable and fitted.explained >= FOLLOWED
+
+
+def _components(clips: Sequence[FitRequest], fits: Sequence[FitResult]) -> Components | None:
+    """The components of a residual; none where a fit does not follow the motion: it is no small change of that."""
+    return components_of(clips, fits) if all(map(_follows, fits)) else None
 
 
 def _complete_start(cache: FitCache, world: OpenWorld, judged: ModelWithEffects) -> ModelWithEffects | None:
@@ -535,7 +541,7 @@ def _diagnosis(
     base, final, report = cache.base, answer.final, answer.report
     rounds = [tuple(combined(scores) for scores in cache.screening(model).scores) for model in answer.path]
     noise, fitted = _noise(base), fitted_error(final.fits, base.fits)
-    remaining = components_of(cache.clips, final.fits) if final.effects else components
+    remaining = _components(cache.clips, final.fits) if final.effects else components
     before, after = answer.heldout
     above = fitted > ABOVE_NOISE * noise
     effects = {effect.name: effect for effect in (*cache.library.by_name.values(), *final.effects)}

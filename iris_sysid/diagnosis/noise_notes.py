@@ -9,7 +9,7 @@ import numpy as np
 from fitters.noise.reading_step import STEP_TO_SD, reading_step
 from fitters.ode import FitRequest
 from iris_sysid.diagnosis.measurement_errors import observed_columns, unit_noise
-from iris_sysid.types import Array, DiagnosticNote, FitResult, chi2_isf
+from iris_sysid.types import Array, DiagnosticNote, FitResult, chi2_isf, with_unit
 
 MIN_SHARE = 0.5  # of the residual's variance that steps must make for a note
 FALSE_ALARM = 1e-4  # probability of a note on the level where the noise is the same everywhere
@@ -37,19 +37,21 @@ def _notes_of(clip: FitRequest, final: FitResult) -> Iterator[DiagnosticNote]:
     used = final.used
     noise = unit_noise(final, clip.trajectory)[used]
     for k, column in enumerate(observed_columns(final, clip.trajectory)):
-        name, unit, residual = final.model.observed[k].name, final.model.observed[k].unit, final.residual[used, k]
+        quantity, residual = final.model.observed[k], final.residual[used, k]
         step = reading_step(clip.trajectory.position[used, column])
         error, rms = STEP_TO_SD * step, float(np.sqrt(np.mean(residual**2)))
         if error**2 >= MIN_SHARE * rms**2 > 0:
             share = f"{100 * min((error / rms) ** 2, 1.0):.0f} % of the residual"
-            text = f"{name} is read in steps of {step:.3g} {unit}, which err by {error:.2g} {unit}: {share}"
+            in_steps, off = with_unit(f"{step:.3g}", quantity.unit), with_unit(f"{error:.2g}", quantity.unit)
+            text = f"{quantity.name} is read in steps of {in_steps}, which err by {off}: {share}"
             yield DiagnosticNote("quantisation", text)
             continue
         found = noise_by_level(final.predicted[used, k], residual / noise[:, k], abs(final.correlation))
         if found is not None:
-            at = [f"{times * float(np.median(noise[:, k])):.2g} {unit} at {level:.2g}" for level, times in found]
+            middle = float(np.median(noise[:, k]))
+            at = [f"{with_unit(f'{times * middle:.2g}', quantity.unit)} at {level:.2g}" for level, times in found]
             remedy = "weigh the samples by a column of their errors"
-            text = f"the noise of {name} depends on its level: {', '.join(at)}; {remedy}"
+            text = f"the noise of {quantity.name} depends on its level: {', '.join(at)}; {remedy}"
             yield DiagnosticNote("level-noise", text)
 
 

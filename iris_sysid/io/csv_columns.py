@@ -35,6 +35,7 @@ PATTERN = re.compile(
 )
 PARTS: dict[str | None, Part] = {None: "measured", "smooth_": "smooth", "d_": "rate"}
 INPUT = re.compile(r"u[0-9]*")
+COUNTS = ("count", "counts")  # of a counter: they have no unit, as an input may have none
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +67,8 @@ class Column:
 
 def parse_column(header: str) -> Column:
     """Take a column's name apart; DataError explains the grammar where it does not follow it."""
-    match = PATTERN.fullmatch(without_slash(header) if INPUT.fullmatch(header) is None else f"{header}_1")
+    is_number = header in COUNTS or INPUT.fullmatch(header) is not None
+    match = PATTERN.fullmatch(f"{header}_1" if is_number else without_slash(header))
     if match is None or ("/" in header and "_" not in match["suffix"]):  # v_ft/s is not v_ft in s
         raise DataError(
             f"column {header!r:.60} is not <name>_<unit>{_nearest(header):.60}; units are {', '.join(COLUMN_UNITS)}"

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 from iris_sysid.errors import DataError
 from iris_sysid.io.csv_cells import BLANK, Sheet
-from iris_sysid.io.csv_columns import INPUT, SUFFIXES, without_slash
+from iris_sysid.io.csv_columns import COUNTS, INPUT, SUFFIXES, without_slash
 from iris_sysid.io.table_cells import Cells, read_cells
 from iris_sysid.types import Quantity
 from iris_sysid.units import COLUMN_UNITS
@@ -299,7 +299,7 @@ def _guessed(cells: Cells, titles: Sequence[str], time: Meaning | None = None) -
         counts = _plain(name) in (*TIMES, *FRAMES) and (unit is None or unit.unit in TIME_UNITS)  # T (°C) does not
         if k == time.column or counts or not name:
             continue
-        if unit is None and driven and RECORDED.fullmatch(_plain(name)):
+        if unit is None and (_plain(name) in COUNTS or (driven and RECORDED.fullmatch(_plain(name)))):
             unit = Spelled("1")
         named = QUANTITIES.get(_plain(name), "temperature" if _plain(name) == "t" else _plain(name))
         kept = meanings if unit is None or unit.unit in COLUMN_UNITS or INPUT.fullmatch(named) else rates

@@ -17,7 +17,6 @@ PHENOMENON = Phenomenon(
     tracker="intensity",
     model="exponential-decay",
     observe=partial(as_tracked, "led", "intensity"),
-    free=("background",),
     measures="intensity",
     classes=(BenchmarkClass("led", ("led_2s", "led_5s", "led_10s"), 5, {"decay_rate": "decay"}, dataset="delfys75"),),
 )

@@ -17,6 +17,7 @@ from iris_sysid.report.text import (
     with_error,
 )
 from iris_sysid.types import (
+    FOLLOWED,
     KIND_NAMES,
     KINDS_IN_WORDS,
     MEANINGS,
@@ -46,6 +47,7 @@ CAUSES: Mapping[EffectCause, str] = {
 MAX_NAMED = 5  # indistinguishable effects that are named; further ones are counted
 MAX_SPOKEN = 2  # added effects that the sentence of the error names
 MUCH_WIDER = 1.5  # ratio of the two standard errors (model-averaged over plain) above which both are given
+NOT_FOLLOWED = "The equation does not follow the motion: where its residual lies, these data cannot tell."
 TOO_SHORT = "The residual is too short to be split into parts."
 
 
@@ -59,15 +61,15 @@ def diagnosis_sentences(diagnosis: Diagnosis) -> list[str]:
 
     Where the clip is too short to be split: cause, added effects, the error without and with them, and that it is.
     """
-    components = getattr(diagnosis, "components", None)
-    if components is None:
+    components, follows = diagnosis.components, all(fitted.explained >= FOLLOWED for fitted in diagnosis.bases)
+    if components is None and follows:
         return _unsplit_sentences(diagnosis)
     named = {name for finding in diagnosis.findings if finding.word == "named" for name in finding.effects[:1]}
     others = [effect for effect in diagnosis.added if effect.name not in named]
     noise = diagnosis.noise_floor if diagnosis.incomplete or diagnosis.added else math.inf
     rest = diagnosis.noise_floor if diagnosis.incomplete else math.inf
     sentences = [
-        parts_sentence(components, noise=noise),
+        NOT_FOLLOWED if components is None else parts_sentence(components, noise=noise),
         *(finding_sentence(finding, diagnosis) for finding in diagnosis.findings),
         f"Added as well: {' and '.join(_effect_text(effect, diagnosis) for effect in others)}." if others else "",
         _nuisance_sentence(diagnosis.nuisances),

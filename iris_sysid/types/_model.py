@@ -217,8 +217,9 @@ class OdeModel(Portable):
     def taken_from(self, trajectory: Trajectory) -> tuple[Trajectory, str]:
         """The trajectory with the quantities that fit under the names that the model uses, and what to say of it.
 
-        A model of one quantity takes the only one of its unit, whatever its name, and of one input likewise; y in
-        metres is z beside x. The text names what is not used; it is empty where everything is used under its own name.
+        A model of one quantity takes the only one of its unit, whatever its name, and of one input likewise; one of any
+        unit takes the only one there is. y in metres is z beside x. The text names what is not used; it is empty where
+        everything is used under its own name.
         """
         observed = [quantity.name for quantity in self.observed]
         trajectory, driven = driven_by(trajectory, self.inputs, observed)
@@ -235,7 +236,7 @@ class OdeModel(Portable):
             return trajectory, unused
         wanted = self.observed[0]
         units = (wanted.unit, wanted.unit.replace("m", "px"))
-        same = [quantity for quantity in trajectory.quantities if quantity.unit in units]
+        same = [quantity for quantity in trajectory.quantities if self.of_any_unit or quantity.unit in units]
         if len(observed) > 1 or len(same) != 1:
             return trajectory, ""
         quantities = tuple(
@@ -244,6 +245,23 @@ class OdeModel(Portable):
         )
         rest = f"; {', '.join(name for name in idle if name != same[0].name)} not used" if len(idle) > 1 else ""
         return trajectory.with_(quantities=quantities), f"{wanted.name} of the model {self.name} = {same[0].name}{rest}"
+
+    @property
+    def of_any_unit(self) -> bool:
+        """Whether the equation is that of one number, and so holds of a quantity in any unit."""
+        return [state.unit for state in self.states] == ["1"] and len(self.observed) == 1
+
+    def in_unit_of(self, trajectory: Trajectory) -> OdeModel:
+        """The model in the unit of a trajectory, if it holds in any: its state, what is observed, and its offsets."""
+        (unit,) = [each.unit for each in trajectory.quantities if each.name == self.observed[0].name] or ("1",)
+        if not self.of_any_unit or unit in ("", "1"):
+            return self
+        return replace(
+            self,
+            states=(replace(self.states[0], unit=unit),),
+            observed=(replace(self.observed[0], unit=unit),),
+            parameters=tuple(replace(each, unit=unit) if each.role == "offset" else each for each in self.parameters),
+        )
 
     def parameter(self, name: str) -> Parameter:
         """The parameter of that name; DataError lists the names there are."""

@@ -29,6 +29,7 @@ FitStatus = Literal["ok", "at-bound", "singular", "diverged", "too-short", "not-
 USABLE: tuple[FitStatus, ...] = ("ok", "misfit", "at-bound", "singular")  # with estimates
 IMPRECISE = 0.2  # relative standard error above which a value of an incomplete equation is doubtful
 UNCERTAIN = 1 / 3  # of any equation: three standard errors then reach zero
+FOLLOWED = 0.5  # fraction of the motion's variance that a free run explains which follows it at all
 LITTLE_EXPLAINED = 0.9  # fraction of the motion's variance below which the values of an equation are doubtful
 SETTLE = "Diagnose it: what the equation lacks may move this value by that much"
 MORE_MOTION = "The motion says little about it: record more of the motion, or state another value that is known"

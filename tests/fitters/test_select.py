@@ -96,7 +96,7 @@ def test_short_clip_and_unknown_observable_are_refused():
     with pytest.raises(FitError, match="only 8 usable samples, 12 are needed"):
         select_model(track(t_s, on_arc(t_s), ["m", "m"]))
     with pytest.raises(FitError, match="no model of the bank observes"):
-        select_model(track(np.arange(30) / 60, {"q": np.arange(30.0)}, ["kg"]))
+        select_model(track(np.arange(30) / 60, {"q": np.arange(30.0), "w": np.ones(30)}, ["kg", "A"]))
 
 
 def test_every_observable_of_a_track_counts_the_same_channels():

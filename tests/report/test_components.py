@@ -121,6 +121,14 @@ def test_effects_without_a_finding_and_nuisances_are_said(split):
     assert told[2] == "In the fit as well, without being named: periodic forcing."
 
 
+def test_residual_of_a_run_that_leaves_the_motion_is_not_split(split):
+    base = split.base
+    lost = replace(base, predicted=np.zeros_like(base.predicted), residual=base.predicted + base.residual)
+    told = diagnosis_sentences(replace(split, components=None, remaining=None, bases=(lost,)))
+    assert told[0] == "The equation does not follow the motion: where its residual lies, these data cannot tell."
+    assert told[1].startswith("Quadratic drag (")
+
+
 def test_clip_that_is_too_short_to_be_split_has_the_sentences_of_its_effects(split):
     text = diagnosis_sentence(replace(split, components=None))
     assert text.startswith("The cause is the physics (99 %). Adding quadratic drag (")

@@ -137,7 +137,7 @@ def _tank(t: float, state: Array, values: Values) -> Array:
 
 
 def _decay(t: float, state: Array, values: Values) -> Array:
-    return np.array([-values["decay_rate"] * state[0]])
+    return np.array([-values["decay_rate"] * (state[0] - values["background"])])
 
 
 # Noise: 0.1 px of a 720-line picture, as far as the scene needs it; 0.3 of 255 grey levels for a brightness.
@@ -171,7 +171,7 @@ MOTIONS: Mapping[str, Motion] = {
         ),
         Motion(
             "exponential-decay", 1, (("intensity", "1"),), _decay,
-            {"decay_rate": (0.4, 1.0), "x0": (150.0, 220.0)}, 5.0, 0.3,
+            {"decay_rate": (0.4, 1.0), "x0": (150.0, 220.0), "background": (0.0, 20.0)}, 5.0, 0.3,
         ),
     )
 }  # fmt: skip
