@@ -267,7 +267,7 @@ def _sentence(ranking: Sequence[ModelCandidate], chosen: ModelCandidate | None) 
         return (
             f"none of these: the nearest, {first.model} ({first.observable}), has a residual of {first.residual:.3g} "
             f"times the noise and a prediction error of {first.heldout:.3g} times; the bank does not have this "
-            "equation, or the track is not one motion"
+            "equation, or the track is not one motion: write it (--equation), or let iris-sysid discover propose it"
         )
     text = f"{first.model} ({first.observable}): its residual is {first.residual:.3g} times the noise, "
     text += f"and {first.heldout:.3g} times in samples that it did not see"

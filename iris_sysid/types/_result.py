@@ -33,7 +33,7 @@ FOLLOWED = 0.5  # fraction of the motion's variance that a free run explains whi
 LITTLE_EXPLAINED = 0.9  # fraction of the motion's variance below which the values of an equation are doubtful
 SETTLE = "Diagnose it: what the equation lacks may move this value by that much"
 MORE_MOTION = "The motion says little about it: record more of the motion, or state another value that is known"
-ANOTHER = "Another equation may describe the motion: try --model auto, or look at the residual"
+ANOTHER = "Another equation may describe the motion: try --model auto or iris-sysid discover, or look at the residual"
 
 
 @dataclass(frozen=True, slots=True)
