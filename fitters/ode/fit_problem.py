@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import keyword
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
@@ -16,9 +15,8 @@ from fitters.noise.measurement_noise import noise_from_differences, outliers_in_
 from fitters.ode.known_inputs import known_inputs
 from fitters.ode.least_squares import Target, Unknowns
 from iris_sysid.errors import FitError
-from iris_sysid.types import Array, Estimate, Mask, OdeModel, Parameter, SegmentLabel, Trajectory
+from iris_sysid.types import METRE, Array, Estimate, Mask, OdeModel, Parameter, SegmentLabel, Trajectory
 
-METRE = re.compile(r"\bm\b")
 FROM_POSITIONS = ", or, for the model of a phenomenon, take it from x and z by fitters.positions.observed_positions"
 NO_PRIORS: Mapping[str, Estimate] = MappingProxyType({})
 
@@ -213,8 +211,7 @@ def in_pixels(trajectory: Trajectory, model: OdeModel) -> bool:
 
 
 def in_units_of(trajectory: Trajectory, model: OdeModel) -> OdeModel:
-    """The model with metres replaced by px where the trajectory is in px, and a number by what is measured."""
-    model = model.in_unit_of(trajectory)
+    """The model with metres replaced by px where the trajectory is in px."""
     if not in_pixels(trajectory, model):
         return model
 

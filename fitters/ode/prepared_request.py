@@ -32,7 +32,7 @@ class NoMinimumError(FitError):
 
 def task_of(request: FitRequest) -> PreparedFit:
     """The checked and prepared request; NoMinimumError when it has too few samples for its unknowns."""
-    trajectory, model = request.trajectory, request.model
+    trajectory, model = request.trajectory, request.model.in_unit_of(request.trajectory)
     check_names(model, fixed=list(request.fixed), free=list(request.free), start=list(request.start))
     check_columns(trajectory, model)
     known = known_values(model, trajectory, request.fixed, request.free)

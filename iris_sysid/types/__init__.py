@@ -68,6 +68,7 @@ from iris_sysid.types._distributions import student_sf as student_sf
 from iris_sysid.types._error_autocorrelation import RADIUS_ERRORS as RADIUS_ERRORS
 from iris_sysid.types._error_autocorrelation import ErrorAutocorrelation as ErrorAutocorrelation
 from iris_sysid.types._model import ANY_SENSOR as ANY_SENSOR
+from iris_sysid.types._model import METRE as METRE
 from iris_sysid.types._model import Effect as Effect
 from iris_sysid.types._model import EffectCause as EffectCause
 from iris_sysid.types._model import EffectExample as EffectExample

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal, get_args
@@ -35,6 +36,7 @@ ParameterRole = Literal[
 ]
 
 
+METRE = re.compile(r"\bm\b")  # in a unit
 EffectCause = Literal["physics", "measurement", "clock"]
 Recurrence = Literal["always", "anew", "once"]
 ANY_SENSOR: frozenset[Sensor] = frozenset(get_args(Sensor))
@@ -235,8 +237,9 @@ class OdeModel(Portable):
             unused = f"{', '.join(idle)} is not observed by the model {self.name}: not used" if idle else ""
             return trajectory, unused
         wanted = self.observed[0]
-        units = (wanted.unit, wanted.unit.replace("m", "px"))
-        same = [quantity for quantity in trajectory.quantities if self.of_any_unit or quantity.unit in units]
+        units = (wanted.unit, METRE.sub("px", wanted.unit))
+        same = [quantity for quantity in trajectory.quantities if quantity.unit in units]
+        same = same or [quantity for quantity in trajectory.quantities if self.of_any_unit]
         if len(observed) > 1 or len(same) != 1:
             return trajectory, ""
         quantities = tuple(
@@ -248,19 +251,30 @@ class OdeModel(Portable):
 
     @property
     def of_any_unit(self) -> bool:
-        """Whether the equation is that of one number, and so holds of a quantity in any unit."""
-        return [state.unit for state in self.states] == ["1"] and len(self.observed) == 1
+        """Whether the equation holds of one quantity in any unit: only its state and its zero are in one."""
+        own = [quantity.unit for quantity in self.observed]
+        scaled = [each for each in self.parameters if METRE.search(each.unit) or [each.unit] == own]
+        return (
+            own in (["1"], ["m"])
+            and bool(self.with_role("offset"))
+            and all(parameter.role == "offset" for parameter in scaled)
+        )
 
     def in_unit_of(self, trajectory: Trajectory) -> OdeModel:
-        """The model in the unit of a trajectory, if it holds in any: its state, what is observed, and its offsets."""
-        (unit,) = [each.unit for each in trajectory.quantities if each.name == self.observed[0].name] or ("1",)
-        if not self.of_any_unit or unit in ("", "1"):
+        """The model in the unit of a trajectory, if it holds in any: its state, what is observed, and its zero."""
+        own = self.observed[0].unit
+        (unit,) = [each.unit for each in trajectory.quantities if each.name == self.observed[0].name] or (own,)
+        if not self.of_any_unit or unit in ("", own, METRE.sub("px", own)):
             return self
+
+        def told(text: str) -> str:
+            return unit if text == own else METRE.sub(unit, text)
+
         return replace(
             self,
-            states=(replace(self.states[0], unit=unit),),
+            states=tuple(replace(state, unit=told(state.unit)) for state in self.states),
             observed=(replace(self.observed[0], unit=unit),),
-            parameters=tuple(replace(each, unit=unit) if each.role == "offset" else each for each in self.parameters),
+            parameters=tuple(replace(each, unit=told(each.unit)) for each in self.parameters),
         )
 
     def parameter(self, name: str) -> Parameter:

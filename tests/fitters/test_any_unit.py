@@ -56,3 +56,24 @@ def test_counts_have_no_unit(tmp_path, header):
     (counts,) = read_trajectory(table).quantities
     assert counts.name == "counts"
     assert counts.unit in ("", "1")
+
+
+def test_oscillator_holds_of_a_voltage():
+    t_s = np.arange(500) / 50
+    seen = 1.2 + 5.0 * np.exp(-0.1 * t_s) * np.cos(3.0 * t_s)
+    seen = seen + 0.05 * np.random.default_rng(1).standard_normal(t_s.size)
+    unknown = np.full((t_s.size, 1), np.nan)
+    clip = Trajectory(t_s, (Quantity("U", "V"),), seen[:, None], unknown, np.ones(t_s.size, dtype=bool))
+    assert select_model(clip).nearest.model == "linear-oscillator"
+    found = fit(clip, "linear-oscillator")
+    assert {name: found.estimates[name].unit for name in ("stiffness", "rest", "z_0", "vz_0")} == {
+        "stiffness": "1/s^2",
+        "rest": "V",
+        "z_0": "V",
+        "vz_0": "V/s",
+    }
+    assert abs(found.estimates["rest"].value - 1.2) < 4 * found.estimates["rest"].stderr
+
+
+def test_only_equations_without_a_scale_hold_in_any_unit():
+    assert {name for name, model in MODELS.items() if model.of_any_unit} == {"exponential-decay", "linear-oscillator"}
