@@ -26,7 +26,7 @@ def guess(trajectory: Trajectory) -> Mapping[str, float]:
     start = start_of(t_s, level, half_width_s, degree=2)
     if not np.isfinite(slope):
         slope = (level[-1] - level[0]) / (t_s[-1] - t_s[0]) / np.sqrt(max(level.mean(), 1e-12))
-    return {"outflow": float(np.clip(-slope, -1e2, 1e3)), "h_0": float(start[0])}
+    return {"outflow": float(np.clip(-slope, 1e-6, 1e3)), "h_0": float(start[0])}
 
 
 MODEL = OdeModel(
@@ -36,7 +36,7 @@ MODEL = OdeModel(
     source="Torricelli (1644), De motu gravium; k = (hole / surface) sqrt(2 g) without losses",
     states=(Quantity("h", "m", "h"),),
     parameters=(
-        Parameter("outflow", "m^0.5/s", "k", lower=-1e3, upper=1e4),
+        Parameter("outflow", "m^0.5/s", "k", lower=0.0, upper=1e4),
         Parameter(
             "hole",
             "m",

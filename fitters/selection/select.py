@@ -245,7 +245,7 @@ def _chosen(tried: Sequence[ModelCandidate], n_heldout: int) -> ModelChoice:
     equal = [
         candidate for candidate in near if candidate.idle == near[0].idle and candidate.bic <= near[0].bic + strong
     ]
-    first = min(equal, key=lambda candidate: (candidate.count, candidate.unknowns, candidate.bic))
+    first = min(equal, key=lambda candidate: (candidate.count, candidate.unknowns, _unneeded(candidate), candidate.bic))
     far = sorted((candidate for candidate in tried if candidate not in near), key=lambda candidate: candidate.heldout)
     ranking = (first, *(candidate for candidate in near if candidate is not first), *far)
     others = [candidate for candidate in ranking[1:] if candidate.model != first.model]
@@ -253,6 +253,16 @@ def _chosen(tried: Sequence[ModelCandidate], n_heldout: int) -> ModelChoice:
     bic_margin = others[0].bic - first.bic if others else np.inf
     chosen = first if first.adequate else None
     return ModelChoice(chosen, ranking, float(heldout_margin), float(bic_margin), _sentence(ranking, chosen))
+
+
+def _unneeded(candidate: ModelCandidate) -> int:
+    """Number of a model's own values whose intervals hold zero: it says no more than the equation without them."""
+    fitted = candidate.fit
+    if fitted is None:
+        return 0
+    own = [each.name for each in fitted.model.with_role("physical") if each.name in fitted.free]
+    intervals = [fitted.estimates[name].interval for name in own]
+    return sum(low <= 0.0 <= high for low, high in intervals)
 
 
 def _independent(candidate: ModelCandidate) -> float:

@@ -256,3 +256,19 @@ def test_equation_that_predicts_far_worse_than_the_noise_explains_is_doubted():
     for seed in range(5):
         right = select_model(falling(0.0, seed), ["free-fall"])
         assert not any(doubt.kind == "poorly-predicted" for doubt in right.verdict.reasons)
+
+
+@pytest.mark.parametrize("seed", [2, 4, 6])
+def test_equation_whose_own_value_may_be_zero_comes_after_one_that_explains_as_much(seed):
+    bank = {name: MODELS[name] for name in ("free-fall", "rocket-coast")}
+    t_s = np.arange(12) * 0.02
+    fall = track(t_s, {"z": -0.5 * 9.81 * t_s**2}, ["m"], 5e-4, seed)
+    choice = select_model(fall, bank)
+    assert choice.nearest.model == "free-fall"
+    assert choice.bic_margin < 0
+
+
+def test_tank_does_not_fill_by_itself():
+    t_s = np.arange(12) * 0.02
+    rise = track(t_s, {"y": 0.5 * 9.81 * t_s**2}, ["m"], 5e-4)
+    assert select_model(rise).nearest.model != "torricelli"

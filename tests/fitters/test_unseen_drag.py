@@ -103,6 +103,12 @@ def test_gravity_outside_the_range_on_earth_is_doubted(value, stderr, doubted):
     assert earth_gravity_doubt(Estimate(value, stderr, "px/s^2")) is None
 
 
+def test_fall_that_is_counted_downwards_is_told_so():
+    doubt = earth_gravity_doubt(Estimate(-9.81, 0.1, "m/s^2"))
+    assert doubt is not None
+    assert "counted downwards" in doubt.finding
+
+
 def test_gravity_that_was_stated_is_not_doubted():
     moon = {"gravity": Estimate(9.0, 0.2, "m/s^2")}
     clip = fall(0.13)

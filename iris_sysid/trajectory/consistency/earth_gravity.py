@@ -12,6 +12,7 @@ REMEDY = (
     "diagnose it for drag, check the scale (--scale) and the frame rate (--fps); "
     "if it is not 9.81 there, give it: --set gravity=VALUE"
 )
+UPWARDS = 'count it upwards, e.g. --columns "t=t_s,z[-1 m]=y_m", or fit the model incline to a distance'
 
 
 def earth_gravity_doubt(gravity: Estimate, allowance: float = 0.0) -> Doubt | None:
@@ -26,6 +27,8 @@ def earth_gravity_doubt(gravity: Estimate, allowance: float = 0.0) -> Doubt | No
     off = max(EARTH[0] - gravity.value, gravity.value - EARTH[1], 0.0)
     if not off > FAR * stderr:
         return None
+    if gravity.value < 0.0:
+        return Doubt("scale", f"gravity is {gravity.value:.4g} m/s^2: the height is counted downwards", UPWARDS)
     finding = f"gravity is {gravity.value:.4g} m/s^2, where the Earth has {EARTH[0]} to {EARTH[1]}: "
     finding += "drag or another force that the equation lacks, the scale or the clock"
     return Doubt("scale", finding, REMEDY)
