@@ -209,7 +209,7 @@ def _follows(fitted: FitResult) -> bool:
 
 
 def _components(clips: Sequence[FitRequest], fits: Sequence[FitResult]) -> Components | None:
-    """The components of a residual; none where a fit does not follow the motion: it is no small change of that."""
+    """The components of a residual; None as well where a fit does not follow the motion, and is far from linear."""
     return components_of(clips, fits) if all(map(_follows, fits)) else None
 
 
