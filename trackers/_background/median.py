@@ -6,14 +6,15 @@ Both are computed tile by tile on demand, so that a 4K clip costs only the tiles
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from trackers._background.inlier_moments import inlier_moments
-from trackers._frames.arrays import MAD_TO_SD, QUANTISATION_SD, Box, Bytes, Flags, Image
+from trackers._frames.arrays import MAD_TO_SD, QUANTISATION_SD, Bytes, Flags, Image
+from trackers._frames.sampled_frames import SampledFrames
 
 DENSEST_SHARE = 0.5  # of the samples: a body that covers a pixel in more of them is taken for background
 INLIER_SIGMAS = 3.0
@@ -176,20 +177,6 @@ def _pooled(image: Image) -> Image:
     return np.asarray(cv2.blur(image, (POOL, POOL)), dtype=np.float32)
 
 
-class Stack(Protocol):
-    """Sampled images (k, h, w) or (k, h, w, 3) that give windows on request."""
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """As that of an array."""
-
-    def window(self, box: Box) -> Bytes:
-        """A window of all of them."""
-
-    def reduced(self, step: int) -> Stack:
-        """The same with each pixel the mean of ``step`` x ``step``."""
-
-
 @dataclass(eq=False)
 class Background:
     """Background and noise, worked out tile by tile on demand.
@@ -200,7 +187,7 @@ class Background:
     images by their step; one may be given.
     """
 
-    stack: Stack
+    stack: SampledFrames
     usable: Flags | None = None
     whole: BackgroundEstimate | None = None
     unseen: Image | None = None
@@ -231,7 +218,7 @@ class Background:
                 tile = self._tile(row, column)
                 patch.background[into], patch.noise[into] = tile.background[source], tile.noise[source]
         return (
-            patch if self.unseen is None else with_unseen(patch, self._enlarged(self.unseen, top, bottom, left, right))
+            patch if self.unseen is None else with_unseen(patch, self.enlarged(self.unseen, top, bottom, left, right))
         )
 
     def _tile(self, row: int, column: int) -> BackgroundEstimate:
@@ -252,11 +239,19 @@ class Background:
         """The flags of a window at full size; None where every sample may be used."""
         if self.usable is None:
             return None
-        window = np.moveaxis(self._enlarged(np.moveaxis(self.usable, 0, 2), top, bottom, left, right), 2, 0)
+        window = np.moveaxis(self.enlarged(np.moveaxis(self.usable, 0, 2), top, bottom, left, right), 2, 0)
         return None if window.all() else window
 
-    def _enlarged(self, image: NDArray[Any], top: int, bottom: int, left: int, right: int) -> NDArray[Any]:
-        """A window at full size of an image (h', w', ...) at a reduced size."""
+    def enlarged(self, image: NDArray[Any], top: int, bottom: int, left: int, right: int) -> NDArray[Any]:
+        """A window at full size of an image (h', w', ...), grey levels or flags, at a reduced size.
+
+        Parameters
+        ----------
+        image
+            The whole image.
+        top, bottom, left, right
+            Rows ``top`` to ``bottom - 1`` and columns ``left`` to ``right - 1``, px.
+        """
         height, width = self.stack.shape[1:3]
         rows = np.arange(top, bottom) * image.shape[0] // height
         columns = np.arange(left, right) * image.shape[1] // width
