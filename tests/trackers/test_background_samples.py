@@ -93,6 +93,21 @@ def test_background_behind_a_large_ball_that_covers_it_in_most_samples_shows_no_
     assert (unseen is not None) == hidden
 
 
+def test_background_behind_a_large_ball_whose_rim_hardly_differs_on_one_side_is_the_wall_about_it():
+    rng = np.random.default_rng(7)
+    wall = np.tile(np.linspace(190, 100, 120, dtype=np.float32), (100, 1))
+    stack = []
+    for k in range(40):
+        image = wall.copy()
+        cv2.circle(image, (round(60 + 22 * np.sin(0.45 * k)), 50), 30, 96.0, -1, cv2.LINE_AA)
+        stack.append(np.clip(np.rint(image + rng.normal(0, 2, image.shape)), 0, 255).astype(np.uint8))
+    usable, unseen, _ = usable_samples(np.stack(stack), estimate_background(np.stack(stack)))
+    off = with_unseen(estimate_background(np.stack(stack), usable), unseen).background - wall
+    assert np.abs(off[:, :30]).max() < 5
+    assert np.abs(off[:, 95:]).max() < 5, "nothing is added where the ball never is"
+    assert np.abs(off).max() < 40
+
+
 def test_still_object_behind_a_ball_that_passes_stays_in_the_background():
     rng = np.random.default_rng(6)
     stack = np.stack([large_ball((30, 20 + k), rng) for k in range(40)])

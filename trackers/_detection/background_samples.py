@@ -123,6 +123,7 @@ def _beside_passing(stack: Bytes, estimate: BackgroundEstimate) -> tuple[Flags, 
     )
     shown = apart < NEAR**2 * size
     body = _confirmed(body, shown.any(axis=0))
+    body &= shown.any(axis=0) | _surrounded(body & ~shown.any(axis=0), body & shown.any(axis=0))
     behind = np.full_like(estimate.background, np.nan)
     behind[window][body] = (background + off)[body]
     left_over = _rare_edges(usual, np.where(np.isfinite(behind[window]), behind[window], background))
@@ -156,22 +157,26 @@ def _confirmed(body: Flags, shown: Flags) -> Flags:
     return np.asarray((share > CONFIRMED)[labels] & body)
 
 
+def _surrounded(parts: Flags, by: Flags) -> Flags:
+    """Those of some parts (h, w) whose surroundings are mostly of another kind (h, w)."""
+    count, labels = cv2.connectedComponents(parts.view(np.uint8), connectivity=8)
+    about = np.where(parts, 0, cv2.dilate(labels.astype(np.uint16), SQUARE))
+    share = np.bincount(about[by], minlength=count) / np.maximum(np.bincount(about.ravel(), minlength=count), 1)
+    return np.asarray((share > SURROUNDED)[labels] & parts)
+
+
 def _integrated(gradients: Sequence[Image], shape: tuple[int, ...]) -> Image:
-    """The image (h, w[, 3]) that has some gradients, down and across, by least squares; about 0 at its sides."""
-    from scipy.fft import dctn, idctn  # few clips need it
+    """The image (h, w[, 3]) that has some gradients, down and across, by least squares, and is 0 outside."""
+    from scipy.fft import dstn, idstn  # few clips need it
 
     divergence = np.zeros(shape)
     for axis, gradient in enumerate(gradients):
         ends = [(1, 1) if k == axis else (0, 0) for k in range(len(shape))]
         divergence += np.diff(np.pad(gradient, ends), axis=axis)
-    down, across = (2 * np.cos(np.pi * np.arange(size) / size) - 2 for size in shape[:2])
+    down, across = (2 * np.cos(np.pi * np.arange(1, size + 1) / (size + 1)) - 2 for size in shape[:2])
     laplacian = (down[:, np.newaxis] + across).reshape(*shape[:2], *[1] * (len(shape) - 2))
-    laplacian[0, 0] = 1.0
-    spectrum = dctn(divergence, axes=(0, 1), norm="ortho") / laplacian
-    spectrum[0, 0] = 0.0
-    image = idctn(spectrum, axes=(0, 1), norm="ortho")
-    sides = np.concatenate([image[0], image[-1], image[:, 0], image[:, -1]])
-    return np.asarray(image - np.median(sides, axis=0), dtype=np.float32)
+    waves = dstn(divergence, type=1, axes=(0, 1))
+    return np.asarray(idstn(waves / laplacian, type=1, axes=(0, 1)), dtype=np.float32)
 
 
 def _holes_of(background_range: BackgroundRange, edges: Image, image: Bytes) -> Flags:
