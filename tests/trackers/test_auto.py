@@ -11,6 +11,7 @@ from iris_sysid.registry import TRACKERS
 from iris_sysid.types import Track, TrackCandidate, Tracker, TrackMark, TrackOptions, TrackQuality
 from tests import _phone_clips as phone
 from tests._drawn import DrawnClip, disc, moving_disc, noisy, paint, swing
+from trackers._auto import verdict
 from trackers._auto.appearance import Peaks
 from trackers._auto.best_path import best_path
 from trackers._auto.candidates import TrackingStrategy
@@ -393,6 +394,14 @@ def test_body_at_the_end_of_an_arm_hangs_together_with_the_edge(arm, share):
     clip = DrawnClip(noisy(images, 2.0))
     (track,) = TRACKERS["median-background"].track(moving_disc(places, 9, (96, 160)), TrackOptions())
     assert evidence_against(track, scene_of(clip))["at the edge"] == pytest.approx(share, abs=0.3)
+
+
+def test_body_near_the_edge_is_held_only_where_no_hand_was_looked_for(monkeypatch):
+    clip, track = a_track(SWING)
+    against = evidence_against(track, scene_of(clip)) | {"at the edge": 0.6}
+    monkeypatch.setattr(verdict, "evidence_against", lambda *_: dict(against))
+    assert [doubt.kind for doubt in judged(track, scene_of(clip)).doubts] == []
+    assert [doubt.kind for doubt in judged(replace(track, hand=None), scene_of(clip)).doubts] == ["held"]
 
 
 def test_path_is_broken_where_the_body_is_off_its_way_for_a_frame():

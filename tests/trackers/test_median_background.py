@@ -202,6 +202,19 @@ def test_clip_of_a_body_that_comes_to_rest_on_its_shadow_is_read_once():
 ORANGE, WALL = (40.0, 110.0, 215.0), (150.0, 165.0, 170.0)  # blue, green, red
 
 
+def test_large_body_that_covers_the_middle_of_its_path_in_every_frame_is_found_where_it_is():
+    """Most samples show it there: before a background that held it, it was tracked by what is left of it beside."""
+    y = 60 + 24 * np.sin(np.linspace(0, 13, 60) ** 1.05)
+    path = np.column_stack([64 + 5 * np.cos(np.linspace(0, 9, 60)), y])
+    wall = np.full((120, 128), 180.0)
+    wall[116:] = 110.0
+    clip = DrawnClip(noisy([paint(wall, disc(wall.shape, *place, 30), 90.0) for place in path], 2.0))
+    track = one_track(clip)
+    assert track.n_valid == y.size
+    assert np.abs(track.xy_px - path).max() < 0.1
+    assert np.abs(track.radius_px - 30).max() < 0.1
+
+
 @pytest.mark.parametrize(("moving", "rest"), [(36, 30), (36, 34), (40, 30)])
 def test_body_that_rests_for_almost_half_of_the_clip_is_found(moving, rest):
     y = np.append(12 + 76 * np.linspace(0, 1, moving) ** 2, np.full(rest, 88.0))

@@ -91,7 +91,9 @@ def follow_appearance(
             )
     origin = {"tracker": "appearance", "bodies": len(bodies), "roi": options.roi, "colour": options.colour}
     return [
-        track_of(Tracklet(detections), all_detections, body.name, dict(origin))
+        replace(
+            track_of(Tracklet(detections), all_detections, body.name, dict(origin)), hand=None
+        )  # it is not looked for
         for body, detections in zip(bodies, tracklets, strict=True)
     ]
 

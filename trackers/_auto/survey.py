@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from iris_sysid.types import Array
-from trackers._background.median import BackgroundEstimate, estimate_again, estimate_background
+from trackers._background.median import BackgroundEstimate, estimate_again, estimate_background, with_unseen
 from trackers._detection.background_samples import usable_samples
 from trackers._detection.foreground import Blob, background_range_of, blobs
 from trackers._frames.ahead import ahead
@@ -142,8 +142,8 @@ def foregrounds_of(
 
 def _still_background(stack: Bytes) -> BackgroundEstimate:
     estimate = estimate_background(stack)
-    usable = usable_samples(stack, estimate)
-    return estimate if usable is None else estimate_again(stack, estimate, None, usable)
+    usable, unseen, _ = usable_samples(stack, estimate)
+    return with_unseen(estimate if usable is None else estimate_again(stack, estimate, None, usable), unseen)
 
 
 def blob_at(foreground: Sequence[Blob], place: tuple[float, float]) -> Blob | None:

@@ -137,7 +137,7 @@ def judged(
     missed = missed_marks(track, marks)
     probability = 0.0 if missed else probability_of(against)
     doubts = [] if probability >= DOUBTFUL else _reasons(track, scene, others, against, bool(marks))
-    held = max(against["held"], against["at the edge"])
+    held = against["at the edge" if track.hand is None else "held"]
     if held > HELD_SHARE and not any(doubt.kind == "held" for doubt in doubts):
         doubts.append(_said("held", held, track, {}))
     if missed:

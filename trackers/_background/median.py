@@ -6,14 +6,15 @@ Both are computed tile by tile on demand, so that a 4K clip costs only the tiles
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from trackers._background.inlier_moments import inlier_moments
-from trackers._frames.arrays import MAD_TO_SD, QUANTISATION_SD, Box, Bytes, Flags, Image
+from trackers._frames.arrays import MAD_TO_SD, QUANTISATION_SD, Bytes, Flags, Image
+from trackers._frames.sampled_frames import SampledFrames
 
 DENSEST_SHARE = 0.5  # of the samples: a body that covers a pixel in more of them is taken for background
 INLIER_SIGMAS = 3.0
@@ -56,6 +57,20 @@ def estimate_background(stack: Bytes, usable: Flags | None = None) -> Background
         centre, variance = _near(centre, cut, stack, usable)
     noise = np.sqrt(np.maximum(_pooled(variance), 0)) / TRUNCATION
     return BackgroundEstimate(centre, np.maximum(noise, QUANTISATION_SD).astype(np.float32))
+
+
+def with_unseen(estimate: BackgroundEstimate, unseen: Image | None) -> BackgroundEstimate:
+    """The estimate with the background that no sample shows, NaN elsewhere; its noise is the usual one.
+
+    ``unseen`` is (h, w) or (h, w, 3), grey levels.
+    """
+    if unseen is None:
+        return estimate
+    known = np.isnan(unseen)
+    usual = np.median(estimate.noise, axis=(0, 1))
+    return BackgroundEstimate(
+        np.where(known, estimate.background, unseen), np.where(known, estimate.noise, np.float32(usual))
+    )
 
 
 def estimate_again(stack: Bytes, known: BackgroundEstimate, before: Flags | None, usable: Flags) -> BackgroundEstimate:
@@ -162,32 +177,20 @@ def _pooled(image: Image) -> Image:
     return np.asarray(cv2.blur(image, (POOL, POOL)), dtype=np.float32)
 
 
-class Stack(Protocol):
-    """Sampled images (k, h, w) or (k, h, w, 3) that give windows on request."""
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """As that of an array."""
-
-    def window(self, box: Box) -> Bytes:
-        """A window of all of them."""
-
-    def reduced(self, step: int) -> Stack:
-        """The same with each pixel the mean of ``step`` x ``step``."""
-
-
 @dataclass(eq=False)
 class Background:
     """Background and noise, worked out tile by tile on demand.
 
     ``stack`` are the sampled images; ``usable`` (k, h', w') says at a reduced size which samples show the
-    background, None that all may be used. ``whole`` is the result where it is known already. ``coarser`` holds the
-    backgrounds of the reduced images by their step; one may be given.
+    background, None that all may be used. ``whole`` is the result where it is known already. ``unseen`` (h', w'[, 3])
+    is the background that no sample shows, grey levels, NaN elsewhere. ``coarser`` holds the backgrounds of the reduced
+    images by their step; one may be given.
     """
 
-    stack: Stack
+    stack: SampledFrames
     usable: Flags | None = None
     whole: BackgroundEstimate | None = None
+    unseen: Image | None = None
     coarser: dict[int, Background] = field(default_factory=dict)
     _tiles: dict[tuple[int, int], BackgroundEstimate] = field(default_factory=dict)
 
@@ -196,7 +199,7 @@ class Background:
         if step == 1:
             return self
         if step not in self.coarser:
-            self.coarser[step] = Background(self.stack.reduced(step), self.usable)
+            self.coarser[step] = Background(self.stack.reduced(step), self.usable, unseen=self.unseen)
         return self.coarser[step]
 
     def patch(self, top: int, bottom: int, left: int, right: int) -> BackgroundEstimate:
@@ -214,7 +217,9 @@ class Background:
                 source = (slice(y.start - y0, y.stop - y0), slice(x.start - x0, x.stop - x0))
                 tile = self._tile(row, column)
                 patch.background[into], patch.noise[into] = tile.background[source], tile.noise[source]
-        return patch
+        return (
+            patch if self.unseen is None else with_unseen(patch, self.enlarged(self.unseen, top, bottom, left, right))
+        )
 
     def _tile(self, row: int, column: int) -> BackgroundEstimate:
         """One tile, worked out with a margin so that pooling does not show at its seams."""
@@ -234,11 +239,23 @@ class Background:
         """The flags of a window at full size; None where every sample may be used."""
         if self.usable is None:
             return None
-        height, width = self.stack.shape[1:3]
-        rows = np.arange(top, bottom) * self.usable.shape[1] // height
-        columns = np.arange(left, right) * self.usable.shape[2] // width
-        window = self.usable[:, rows[:, np.newaxis], columns]
+        window = np.moveaxis(self.enlarged(np.moveaxis(self.usable, 0, 2), top, bottom, left, right), 2, 0)
         return None if window.all() else window
+
+    def enlarged(self, image: NDArray[Any], top: int, bottom: int, left: int, right: int) -> NDArray[Any]:
+        """A window at full size of an image (h', w', ...), grey levels or flags, at a reduced size.
+
+        Parameters
+        ----------
+        image
+            The whole image.
+        top, bottom, left, right
+            Rows ``top`` to ``bottom - 1`` and columns ``left`` to ``right - 1``, px.
+        """
+        height, width = self.stack.shape[1:3]
+        rows = np.arange(top, bottom) * image.shape[0] // height
+        columns = np.arange(left, right) * image.shape[1] // width
+        return image[rows[:, np.newaxis], columns]
 
 
 def noise_inflation(stack: Bytes, estimate: BackgroundEstimate) -> float:

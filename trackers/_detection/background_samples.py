@@ -1,17 +1,30 @@
-"""Sampled frames that show the true background where a body rests for most of the clip.
+"""Sampled frames that show the true background where a body is in most of them: there the median shows the body.
 
-There the median shows the body itself.
+A large body that moves covers the middle of its path in most samples, but its outline is rarely in one place: the
+median of the gradients is that of the background [1]_. A body that rests leaves a hole when it leaves.
+
+.. [1] Y. Weiss, Deriving intrinsic images from image sequences, ICCV 2001.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 
 from trackers._background.median import BackgroundEstimate
-from trackers._detection.foreground import SQUARE, BackgroundRange, any_channel, background_range_of, most_of_channels
+from trackers._detection.foreground import (
+    SQUARE,
+    STRONG_FLOOR,
+    STRONG_SIGMAS,
+    BackgroundRange,
+    any_channel,
+    background_range_of,
+    most_of_channels,
+)
 from trackers._detection.strong_windows import grown
 from trackers._frames.ahead import ahead
 from trackers._frames.arrays import Bytes, Flags, Image
@@ -26,10 +39,30 @@ AS_HOLE = 0.6  # of the samples in which a pixel differs: where fewer are holes,
 MARGIN = 4  # px round a foreground component, in which its edges lie
 SURROUNDED = 0.5  # of a hole's surroundings: if more of it is a hand or arm, these hide the hole
 RIM = np.ones((5, 5), np.uint8)  # the outline of a resting body is blurred
+COVERED = 0.4  # of the samples: beside a part of the background that shows a body, the body is in about half of them
+AROUND = 16  # px about what is covered so often
+NEAR = 0.25  # of what is added to the background: a sample so near to the result shows it
+RIM_WIDTHS, CONFIRMED = 3, 0.5  # of 2 px: what counts as the rim of a body; share of it that samples must show
+# of the rare edges may be left over: by rendered balls 0.03 to 0.18, by a cart along a track 0.7, whose sides are in
+# one line in most samples
+EXPLAINED = 0.4
+RARE_EDGE = 3.0  # grey levels a px by which an edge of the background must exceed that in most samples
 
 
-def usable_samples(stack: Bytes, estimate: BackgroundEstimate) -> Flags | None:
-    """Which of the sampled frames (k, h, w[, 3]) show the background at each pixel; None when all do.
+class UsableSamples(NamedTuple):
+    """Which ``samples`` (k, h, w) show the background at each pixel; None when all do.
+
+    ``unseen`` (h, w[, 3]) is the background where none of them does, grey levels, NaN elsewhere; None without such
+    pixels. ``rest`` (h, w) is where a body rests in most of them; None when none does.
+    """
+
+    samples: Flags | None
+    unseen: Image | None = None
+    rest: Flags | None = None
+
+
+def usable_samples(stack: Bytes, estimate: BackgroundEstimate) -> UsableSamples:
+    """Which of the sampled frames (k, h, w[, 3]) show the background at each pixel.
 
     ``estimate`` is background and noise as all samples give them.
 
@@ -38,15 +71,112 @@ def usable_samples(stack: Bytes, estimate: BackgroundEstimate) -> Flags | None:
     background but not in the frame. A mark that a hand hides looks like a hole as well, but is surrounded by an
     object that reaches in from the edge of the image.
     """
-    edges = _edges(estimate.background)
-    background_range = background_range_of(estimate)
+    passing = _beside_passing(stack, estimate)
+    if passing is not None:
+        usable, behind = passing
+        shown, at = usable.any(axis=0), np.isfinite(behind)
+        estimate = estimate._replace(background=np.where(at, behind, estimate.background))
+        behind[shown] = np.nan
+    edges, background_range = _edges(estimate.background), background_range_of(estimate)
     holes = np.stack(list(ahead(partial(_holes_of, background_range, edges), stack)))
     differs = sum(background_range.strongly(image).astype(np.int64) for image in stack)
     holes &= holes.sum(axis=0) > AS_HOLE * differs
-    if holes.sum(axis=0).max() < MIN_SAMPLES:
+    if passing is not None:
+        holes &= usable.all(axis=0)
+    resting = _widely(holes, MIN_SAMPLES) if holes.sum(axis=0).max() >= MIN_SAMPLES else None
+    rest = None if resting is None else np.asarray(~resting.all(axis=0))
+    if passing is None:
+        return UsableSamples(resting, None, rest)
+    if resting is not None:
+        usable = np.where(usable.all(axis=0), resting, usable)
+    return UsableSamples(usable | ~shown, None if shown.all() else behind, rest)
+
+
+def _widely(shown: Flags, least: int) -> Flags:
+    """The samples (k, h, w) that show the background, or are near to one that does; all where too few do."""
+    wide = np.stack([cv2.dilate(sample.view(np.uint8), RIM) > 0 for sample in shown])
+    return wide | (wide.sum(axis=0) < least)
+
+
+def _beside_passing(stack: Bytes, estimate: BackgroundEstimate) -> tuple[Flags, Image] | None:
+    """Which samples (k, h, w) show the background where a moving body is in most of them, and the background there.
+
+    The background (h, w[, 3]), grey levels, is NaN elsewhere. Pixels that no sample shows have no usable one. None
+    where no body is in the background, or where few of its rare edges are those of one.
+    """
+    strongly = background_range_of(estimate).strongly
+    covered = np.sum([strongly(image) for image in stack], axis=0) > COVERED * len(stack)
+    if np.count_nonzero(covered) < MIN_HOLE:
         return None
-    wide = np.stack([cv2.dilate(hole.astype(np.uint8), RIM) > 0 for hole in holes])
-    return wide | (wide.sum(axis=0) < MIN_SAMPLES)
+    x, y, columns, rows = cv2.boundingRect(covered.view(np.uint8))
+    left, top, right, bottom = grown((x, y, x + columns, y + rows), AROUND, covered.shape[::-1])
+    window = slice(top, bottom), slice(left, right)
+    here, background = stack[:, *window], estimate.background[window]
+    usual = [np.median([np.diff(image.astype(np.int16), axis=axis) for image in here], axis=0) for axis in (0, 1)]
+    rare = _rare_edges(usual, background)
+    off = _integrated(rare, background.shape)
+    noise = np.median(estimate.noise, axis=(0, 1))  # large where a body is in half of the samples
+    body = any_channel(np.abs(off) > np.maximum(STRONG_SIGMAS * noise, STRONG_FLOOR))
+    apart, size = (
+        np.square(of).reshape(*of.shape[: of.ndim - off.ndim + 2], -1).sum(axis=-1)
+        for of in (here - background - off, off)
+    )
+    shown = apart < NEAR**2 * size
+    body = _confirmed(body, shown.any(axis=0))
+    body &= shown.any(axis=0) | _surrounded(body & ~shown.any(axis=0), body & shown.any(axis=0))
+    behind = np.full_like(estimate.background, np.nan)
+    behind[window][body] = (background + off)[body]
+    left_over = _rare_edges(usual, np.where(np.isfinite(behind[window]), behind[window], background))
+    if not body.any() or _strength(left_over, body) > EXPLAINED * _strength(rare, body):
+        return None
+    usable = np.ones(stack.shape[:3], dtype=np.bool_)
+    usable[:, *window] = np.where(body, shown & body, _widely(shown & body, 1))
+    return usable, behind
+
+
+def _rare_edges(usual: Sequence[Image], background: Image) -> list[Image]:
+    """What the usual gradients, down and across, have beyond those of a background, grey levels a px; 0 for noise."""
+    off = [gradient - np.diff(background, axis=axis) for axis, gradient in enumerate(usual)]
+    return [np.where(np.abs(gradient) < RARE_EDGE, 0, gradient) for gradient in off]
+
+
+def _strength(edges: Sequence[Image], body: Flags) -> float:
+    """Sum of gradients, grey levels, within a few px of a body (h, w)."""
+    near = cv2.dilate(body.view(np.uint8), RIM, iterations=RIM_WIDTHS) > 0
+    return float(np.abs(edges[0])[near[1:]].sum() + np.abs(edges[1])[near[:, 1:]].sum())
+
+
+def _confirmed(body: Flags, shown: Flags) -> Flags:
+    """The parts of the background that show a body (h, w) about whose rims some sample has ``shown`` the background.
+
+    At its rim a body that moves is in half of the samples.
+    """
+    count, labels = cv2.connectedComponents(body.view(np.uint8), connectivity=8)
+    rim = body & (cv2.erode(body.view(np.uint8), RIM, iterations=RIM_WIDTHS) == 0)
+    share = np.bincount(labels[rim & shown], minlength=count) / np.maximum(np.bincount(labels[rim], minlength=count), 1)
+    return np.asarray((share > CONFIRMED)[labels] & body)
+
+
+def _surrounded(parts: Flags, by: Flags) -> Flags:
+    """Those of some parts (h, w) whose surroundings are mostly of another kind (h, w)."""
+    count, labels = cv2.connectedComponents(parts.view(np.uint8), connectivity=8)
+    about = np.where(parts, 0, cv2.dilate(labels.astype(np.uint16), SQUARE))
+    share = np.bincount(about[by], minlength=count) / np.maximum(np.bincount(about.ravel(), minlength=count), 1)
+    return np.asarray((share > SURROUNDED)[labels] & parts)
+
+
+def _integrated(gradients: Sequence[Image], shape: tuple[int, ...]) -> Image:
+    """The image (h, w[, 3]) that has some gradients, down and across, by least squares, and is 0 outside."""
+    from scipy.fft import dstn, idstn  # few clips need it
+
+    divergence = np.zeros(shape)
+    for axis, gradient in enumerate(gradients):
+        ends = [(1, 1) if k == axis else (0, 0) for k in range(len(shape))]
+        divergence += np.diff(np.pad(gradient, ends), axis=axis)
+    down, across = (2 * np.cos(np.pi * np.arange(1, size + 1) / (size + 1)) - 2 for size in shape[:2])
+    laplacian = (down[:, np.newaxis] + across).reshape(*shape[:2], *[1] * (len(shape) - 2))
+    waves = dstn(divergence, type=1, axes=(0, 1))
+    return np.asarray(idstn(waves / laplacian, type=1, axes=(0, 1)), dtype=np.float32)
 
 
 def _holes_of(background_range: BackgroundRange, edges: Image, image: Bytes) -> Flags:

@@ -17,6 +17,7 @@ from trackers._background.median import (
     estimate_again,
     estimate_background,
     noise_inflation,
+    with_unseen,
 )
 from trackers._detection.background_samples import usable_samples
 from trackers._detection.coded_planes import plane_limits_of
@@ -25,7 +26,7 @@ from trackers._detection.detection import MIN_INSCRIBED, BlobDetector, Detection
 from trackers._detection.foreground import BackgroundRange, background_range_of, blobs
 from trackers._detection.search_window import SearchWindows, sparse_range_of
 from trackers._frames.ahead import ahead
-from trackers._frames.arrays import Bytes, Flags
+from trackers._frames.arrays import Bytes, Flags, Image
 from trackers._frames.sampled_frames import SampledFrames
 from trackers._frames.working_image import WorkingView
 
@@ -45,7 +46,8 @@ Likely = Callable[[FrameDetections], Sequence[bool]]  # which detections of a fr
 class DetectionSetup:
     """Setup from the sampled frames: the view, the background range for the search, the detector for centroids.
 
-    ``still`` is the first background at the size of the search; None where colour is not searched.
+    ``still`` is the first background at the size of the search; None where colour is not searched. ``unseen`` and
+    ``rest`` are as in :class:`trackers._detection.background_samples.UsableSamples`.
     """
 
     view: WorkingView
@@ -54,6 +56,8 @@ class DetectionSetup:
     stack: SampledFrames
     search_images: Bytes
     still: BackgroundEstimate | None = None
+    unseen: Image | None = None
+    rest: Flags | None = None
 
     @property
     def numbers(self) -> tuple[int, ...]:
@@ -68,10 +72,11 @@ class DetectionSetup:
             if known.whole is None
             else estimate_again(self.search_images, known.whole, known.usable, usable)
         )
+        estimate = with_unseen(estimate, self.unseen)
         return replace(
             self,
             background_range=background_range_of(estimate),
-            detector=replace(self.detector, background=background_of(self.stack, estimate, usable)),
+            detector=replace(self.detector, background=background_of(self.stack, estimate, usable, self.unseen)),
         )
 
     def search_windows(self) -> SearchWindows:
@@ -84,12 +89,25 @@ class DetectionSetup:
         )
 
 
-def background_of(samples: SampledFrames, estimate: BackgroundEstimate, usable: Flags | None) -> Background:
-    """The background at full size, where ``estimate`` is that at the size of the search."""
+def background_of(
+    samples: SampledFrames, estimate: BackgroundEstimate, usable: Flags | None, unseen: Image | None = None
+) -> Background:
+    """The background at full size, from that at the size of the search.
+
+    Parameters
+    ----------
+    samples
+        The sampled frames.
+    estimate
+        At the size of the search.
+    usable, unseen
+        The samples (k, h', w') that show the background, and the background (h', w') or (h', w', 3), grey levels, where
+        none does.
+    """
     step = samples.view.step
     if step == 1:
         return Background(samples, usable, estimate)
-    return Background(samples, usable, None, {step: Background(samples.reduced(step), usable, estimate)})
+    return Background(samples, usable, None, unseen, {step: Background(samples.reduced(step), usable, estimate)})
 
 
 def detection_setup(video: FrameSource, view: WorkingView, coarse: bool = False) -> DetectionSetup:
@@ -111,9 +129,9 @@ def detection_setup(video: FrameSource, view: WorkingView, coarse: bool = False)
     stack = SampledFrames(samples, view)
     detector = BlobDetector(background_of(stack, estimate, None), view, noise_inflation(search_images, estimate))
     setup = DetectionSetup(view, background_range_of(estimate), detector, stack, search_images)
-    usable = usable_samples(search_images, estimate)
+    usable, unseen, rest = usable_samples(search_images, estimate)
     if usable is not None:
-        setup = setup.with_background_from(usable)
+        setup = replace(setup, unseen=unseen, rest=rest).with_background_from(usable)
     moving = [_covered(setup.background_range, image) for image in search_images] if view.colour is not None else []
     still = setup.detector.background.reduced(view.step).whole if view.chroma else None
     return replace(setup, view=view.fitted(samples, moving), still=still)

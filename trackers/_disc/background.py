@@ -28,10 +28,8 @@ class KnownBackground:
 
         All of them (h, w, channels), the last (h, w); background and noise in grey levels.
         """
-        height, width = self.background.stack.shape[1:3]
-        rows = np.arange(top, bottom) * self.known.shape[0] // height
-        columns = np.arange(left, right) * self.known.shape[1] // width
-        return *self.background.patch(top, bottom, left, right), self.known[rows[:, np.newaxis], columns]
+        known = self.background.enlarged(self.known, top, bottom, left, right)
+        return *self.background.patch(top, bottom, left, right), known
 
 
 def background_without_discs(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,10 +25,6 @@ class SampledFrames:
         """Number of frames, height and width in px, 3 where colour counts."""
         size = (len(self.frames), self.view.height // self.step, self.view.width // self.step)
         return (*size, 3) if self.view.chroma else size
-
-    def __iter__(self) -> Iterator[Bytes]:
-        for frame in self.frames:
-            yield self.view.part(frame, (0, 0, self.shape[2], self.shape[1]), self.step)
 
     def window(self, box: Box) -> Bytes:
         """A window (k, h, w) or (k, h, w, 3) of all frames."""

@@ -24,10 +24,10 @@ def behind_resting_body(setup: DetectionSetup) -> DetectionSetup:
     at a hole in a sample the largest object is the body, others its shadow.
     """
     usable = setup.detector.background.usable
-    if usable is None:
+    if usable is None or setup.rest is None:
         return setup
     bodies: list[Detection] = []
-    for frame, image, shown in zip(setup.stack.frames, setup.search_images, usable, strict=True):
+    for frame, image, shown in zip(setup.stack.frames, setup.search_images, usable | ~setup.rest, strict=True):
         found = blobs(setup.background_range, image)
         seen = setup.detector.candidates(frame, found, found)
         at_hole = [_covers_any(blob, ~shown) for blob in seen.blobs]

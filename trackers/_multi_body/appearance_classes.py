@@ -12,19 +12,17 @@ from numpy.typing import NDArray
 
 from iris_sysid.errors import TrackingError
 from iris_sysid.types import Array
-from trackers._background.median import Background, Stack, estimate_background
 from trackers._detection.detect_frames import DetectionSetup
 from trackers._detection.foreground import (
     SQUARE,
     BackgroundRange,
     Blob,
-    background_range_of,
     blobs,
     components,
     rounded,
 )
 from trackers._frames.ahead import ahead
-from trackers._frames.arrays import Box, Bytes, Flags, Image
+from trackers._frames.arrays import Bytes, Flags, Image
 
 SOLID = 0.88  # of its convex hull: a blob that fills less of it is several bodies, or a hand
 ROUND = 0.4  # of its area lies within the inscribed circle: less is a cord
@@ -131,36 +129,8 @@ def _is_near(colour: Image, limit: float, image: Bytes) -> Flags:
     return np.asarray(sum(plane * plane for plane in planes) < limit**2)
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class _Filled:
-    """Sampled images in which what is ``unseen`` (h', w'), at the size of the search, has given ``values``."""
-
-    stack: Stack
-    values: Bytes
-    unseen: Flags
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """As that of an array."""
-        return self.stack.shape
-
-    def window(self, box: Box) -> Bytes:
-        """A window of all of them."""
-        rows = np.arange(box[1], box[3]) * self.unseen.shape[0] // self.shape[1]
-        columns = np.arange(box[0], box[2]) * self.unseen.shape[1] // self.shape[2]
-        pixels = np.ix_(rows, columns)
-        images = self.stack.window(box).copy()
-        where = self.unseen[pixels]
-        images[:, where] = self.values[pixels][where].reshape(images[0][where].shape)
-        return images
-
-    def reduced(self, step: int) -> _Filled:
-        """The same with each pixel the mean of ``step`` x ``step``."""
-        return _Filled(self.stack.reduced(step), self.values, self.unseen)
-
-
 def _filled_in(setup: DetectionSetup, usable: Flags, unseen: Flags) -> DetectionSetup:
-    """The setup with the never visible background (h, w) continued from its surroundings, in every sample.
+    """The setup with the never visible background (h, w) continued from its surroundings.
 
     The method is that of A. Telea, J. Graphics Tools 9 (2004) 23. ``usable`` (k, h, w) says which samples show the
     background.
@@ -168,17 +138,9 @@ def _filled_in(setup: DetectionSetup, usable: Flags, unseen: Flags) -> Detection
     guess = cv2.inpaint(
         rounded(background_level(setup.background_range)), unseen.astype(np.uint8), INPAINT_RADIUS, cv2.INPAINT_TELEA
     )
-    step = setup.view.step
-    stack = _Filled(setup.stack, np.atleast_3d(guess), unseen)
-    search_images = setup.search_images.copy()
-    search_images[:, unseen] = guess[unseen]
-    estimate = estimate_background(search_images, usable)
-    background = Background(stack, usable, estimate)
-    if step > 1:
-        background = Background(stack, usable, None, {step: Background(stack.reduced(step), usable, estimate)})
-    return replace(
-        setup, background_range=background_range_of(estimate), detector=replace(setup.detector, background=background)
-    )
+    filled = np.full(setup.search_images.shape[1:], np.nan, dtype=np.float32)
+    filled[unseen] = guess.reshape(filled.shape)[unseen]
+    return replace(setup, unseen=filled).with_background_from(usable)
 
 
 def _classes_of(setup: DetectionSetup, images: Sequence[Bytes], count: int) -> list[AppearanceClass]:
