@@ -7,7 +7,6 @@ compared between observables, and they have the units of the raw channels, so th
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
@@ -32,7 +31,6 @@ ObservableName = Literal[
     "distances",
 ]
 TILTED: ObservableName = "tilted height"
-MOVES = re.compile(r"\b(m|px|rad)\b")  # in the unit of a place or a speed, which laws of motion describe
 INCLINATION = "angle"  # the constant of models that move along a line: its angle from the horizontal
 UPRIGHT = 0.05  # rad: how far a camera's vertical may be off, and its horizontal with it
 
@@ -209,7 +207,7 @@ def suits(model: OdeModel, observable: ObservableCandidate) -> bool:
         quantity.unit == unit or (quantity.unit == "m" and unit == "px")
         for quantity, unit in zip(model.observed, observable.units, strict=True)
     )
-    same = same or (model.of_any_unit and not MOVES.search(observable.units[0]))
+    same = same or model.may_be_of(observable.units[0])
     only = ONLY.get(observable.name)
     slopes = observable.known.get(INCLINATION, np.pi / 2) > UPRIGHT  # a level line is not an incline
     return same and (only is None or only(model)) and (slopes or not model.with_role("inclination"))

@@ -35,7 +35,7 @@ RANGES: dict[Kind, tuple[float, float]] = {
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Structure:
-    """A model's terms in the library: those ``always`` present, and those ``sometimes`` present, with all damping.
+    """A model's terms in the library: those ``always`` present, those ``sometimes``, with all damping and offsets.
 
     ``shifted`` are those present with a shifted origin.
     """
@@ -74,7 +74,8 @@ def _is_alike(structure: Structure, library: Library) -> bool:
     """Whether amounts may be those of a model: in its unit, or what a sensor reads; a temperature is not a speed."""
     pairs = zip(structure.library.variables, library.variables, strict=True)
     units = [(own.state.unit, seen.state.unit) for own, seen in pairs if own.kind == "amount"]
-    return all(seen in (own, *READINGS) or {own, seen} <= LENGTHS for own, seen in units)
+    may = structure.model.may_be_of
+    return all(seen in (own, *READINGS) or {own, seen} <= LENGTHS or may(seen) for own, seen in units)
 
 
 def terms_of(library: Library, name: str) -> tuple[int, ...]:
@@ -125,7 +126,8 @@ def _drawn(model: OdeModel, library: Library, seed: int, still: bool, shift: boo
     for parameter in model.parameters:
         drawn = float(np.clip(rng.uniform(0.5, 2.0), parameter.lower, parameter.upper))
         known = parameter.default if parameter.constant else None
-        values[parameter.name] = 0.0 if still and parameter.name in model.dissipative else known or drawn
+        may_be_none = parameter.name in model.dissipative or parameter.role == "offset"
+        values[parameter.name] = 0.0 if still and may_be_none else known or drawn
         if parameter.constant and parameter.default == 0.0:
             values[parameter.name] = 0.0
     offsets = rng.uniform(0.05, 0.2, len(library.variables)) if shift else np.zeros(len(library.variables))

@@ -37,6 +37,7 @@ ParameterRole = Literal[
 
 
 METRE = re.compile(r"\bm\b")  # in a unit
+MOVES = re.compile(r"\b(m|px|rad)\b")  # in the unit of a place or a speed, which laws of motion describe
 EffectCause = Literal["physics", "measurement", "clock"]
 Recurrence = Literal["always", "anew", "once"]
 ANY_SENSOR: frozenset[Sensor] = frozenset(get_args(Sensor))
@@ -259,6 +260,10 @@ class OdeModel(Portable):
             and bool(self.with_role("offset"))
             and all(parameter.role == "offset" for parameter in scaled)
         )
+
+    def may_be_of(self, unit: str) -> bool:
+        """Whether the equation holds of a quantity in this unit because it holds in any; not of a place or a speed."""
+        return self.of_any_unit and not MOVES.search(unit)
 
     def in_unit_of(self, trajectory: Trajectory) -> OdeModel:
         """The model in the unit of a trajectory, if it holds in any: its state, what is observed, and its zero."""
