@@ -49,5 +49,5 @@ MODEL = OdeModel(
     guess=guess,
     observe=partial(shifted, 1, 1),
     typical="a capacitor of 100 µF through 10 kΩ: 1 1/s",
-    example=ModelExample({"decay_rate": 0.9, "intensity_0": 1.0}, samples=600, rate_hz=200.0),
+    example=ModelExample({"decay_rate": 0.9, "background": 0.1, "intensity_0": 1.0}, samples=600, rate_hz=200.0),
 )
