@@ -50,7 +50,6 @@ from iris_sysid.io.one_thread import on_one_thread
 from iris_sysid.registry import EFFECTS, MODELS
 from iris_sysid.trajectory.smoothing import smooth
 from iris_sysid.types import (
-    FOLLOWED,
     LITTLE_EXPLAINED,
     NOISE_UNSURE,
     ComponentKind,
@@ -151,7 +150,7 @@ def diagnose(
     library = EffectLibrary(tested, model, measured)
     cache = FitCache(clips, model, library, base, holdout, budget.report)
     search = StepwiseSearch(cache)
-    components = _components(clips, base.fits)
+    components = components_of(clips, base.fits)
     kept = kept_effects(components, keep, model)
     every = world = OpenWorld(cache, components)
     stopped = []
@@ -194,23 +193,14 @@ def _with_run(request: FitRequest, fitted: FitResult) -> tuple[FitRequest, FitRe
 
     A drive without its friction, for one, fits best with a mass so large that nothing moves.
     """
-    if not _follows(fitted):
+    if not fitted.follows:
         request, fitted = with_rest(request, fitted)
-    found = weak_fit(request) if request.model.inputs and not _follows(fitted) else None
+    found = weak_fit(request) if request.model.inputs and not fitted.follows else None
     if found is None:
         return request, fitted
     own = {name: found.values[name] for name in found.stderr}
     start = {name: found.values[name] for name in request.model.initial_names}
     return request, solve(request.with_(fixed={**own, **request.fixed}, free=()).from_near(start))
-
-
-def _follows(fitted: FitResult) -> bool:
-    return fitted.usable and fitted.explained >= FOLLOWED
-
-
-def _components(clips: Sequence[FitRequest], fits: Sequence[FitResult]) -> Components | None:
-    """The components of a residual; None as well where a fit does not follow the motion, and is far from linear."""
-    return components_of(clips, fits) if all(map(_follows, fits)) else None
 
 
 def _complete_start(cache: FitCache, world: OpenWorld, judged: ModelWithEffects) -> ModelWithEffects | None:
@@ -541,7 +531,7 @@ def _diagnosis(
     base, final, report = cache.base, answer.final, answer.report
     rounds = [tuple(combined(scores) for scores in cache.screening(model).scores) for model in answer.path]
     noise, fitted = _noise(base), fitted_error(final.fits, base.fits)
-    remaining = _components(cache.clips, final.fits) if final.effects else components
+    remaining = components_of(cache.clips, final.fits) if final.effects else components
     before, after = answer.heldout
     above = fitted > ABOVE_NOISE * noise
     effects = {effect.name: effect for effect in (*cache.library.by_name.values(), *final.effects)}

@@ -87,8 +87,7 @@ def with_larger_error(known: Estimate, stderr: float) -> Estimate:
     """
     if not stderr > known.stderr:
         return known
-    (low, high), half = known.interval, NORMAL_975 * stderr
-    return replace(known, stderr=stderr, ci95=(min(low, known.value - half), max(high, known.value + half)))
+    return replace(spanning(known, [replace(known, stderr=stderr, ci95=None)]), stderr=stderr)
 
 
 def competing_effect(scores: Sequence[Score], name: str, independent: float) -> CompetingEffect | None:

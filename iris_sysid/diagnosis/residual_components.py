@@ -30,8 +30,11 @@ def components_of(clips: Sequence[FitRequest], fits: Sequence[FitResult]) -> Com
     Returns
     -------
     Components or None
-        None where there are too few samples, or where the motion is not smooth enough for its linear response.
+        None where there are too few samples, or where the motion is not smooth enough for its linear response; nor
+        where a fit does not follow the motion: its residual is too large for that.
     """
+    if not all(fitted.follows for fitted in fits):
+        return None
     residuals = _every_residual(clips, fits)
     return split(residuals) if residuals else None
 

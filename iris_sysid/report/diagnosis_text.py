@@ -17,7 +17,6 @@ from iris_sysid.report.text import (
     with_error,
 )
 from iris_sysid.types import (
-    FOLLOWED,
     KIND_NAMES,
     KINDS_IN_WORDS,
     MEANINGS,
@@ -61,8 +60,8 @@ def diagnosis_sentences(diagnosis: Diagnosis) -> list[str]:
 
     Where the clip is too short to be split: cause, added effects, the error without and with them, and that it is.
     """
-    components, follows = diagnosis.components, all(fitted.explained >= FOLLOWED for fitted in diagnosis.bases)
-    if components is None and follows:
+    components = diagnosis.components
+    if components is None and all(fitted.follows for fitted in diagnosis.bases):
         return _unsplit_sentences(diagnosis)
     named = {name for finding in diagnosis.findings if finding.word == "named" for name in finding.effects[:1]}
     others = [effect for effect in diagnosis.added if effect.name not in named]

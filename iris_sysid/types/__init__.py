@@ -100,7 +100,6 @@ from iris_sysid.types._plugins import TrackerExample as TrackerExample
 from iris_sysid.types._progress import Progress as Progress
 from iris_sysid.types._progress import part_of_progress as part_of_progress
 from iris_sysid.types._progress import with_progress as with_progress
-from iris_sysid.types._result import FOLLOWED as FOLLOWED
 from iris_sysid.types._result import LITTLE_EXPLAINED as LITTLE_EXPLAINED
 from iris_sysid.types._result import FitProblem as FitProblem
 from iris_sysid.types._result import FitResult as FitResult

@@ -267,6 +267,11 @@ class FitResult(Shown, Portable):
         return _explained(self.predicted[self.used] + residual, residual, units)
 
     @property
+    def follows(self) -> bool:
+        """Whether the free run follows the motion at all."""
+        return self.usable and self.explained >= FOLLOWED
+
+    @property
     def parameters(self) -> Mapping[str, Estimate]:
         """The estimates by name, under the word that fit.json has for them."""
         return self.estimates

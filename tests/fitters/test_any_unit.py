@@ -13,11 +13,14 @@ from iris_sysid.types import Quantity, Trajectory
 RATE, ROOM, ABOVE = 0.004, 294.6, 60.0
 
 
-def cooling(seed: int = 0) -> Trajectory:
+def seen(t_s, values, noise, quantity) -> Trajectory:
+    read = (values + noise * np.random.default_rng(0).standard_normal(t_s.size))[:, None]
+    return Trajectory(t_s, (quantity,), read, np.full_like(read, np.nan), np.ones(t_s.size, dtype=bool))
+
+
+def cooling() -> Trajectory:
     t_s = np.arange(0.0, 900.0, 5.0)
-    seen = ROOM + ABOVE * np.exp(-RATE * t_s) + 0.1 * np.random.default_rng(seed).standard_normal(t_s.size)
-    unknown = np.full((t_s.size, 1), np.nan)
-    return Trajectory(t_s, (Quantity("T", "K"),), seen[:, None], unknown, np.ones(t_s.size, dtype=bool))
+    return seen(t_s, ROOM + ABOVE * np.exp(-RATE * t_s), 0.1, Quantity("T", "K"))
 
 
 def test_decay_has_the_unit_of_what_is_measured():
@@ -60,10 +63,7 @@ def test_counts_have_no_unit(tmp_path, header):
 
 def test_oscillator_holds_of_a_voltage():
     t_s = np.arange(500) / 50
-    seen = 1.2 + 5.0 * np.exp(-0.1 * t_s) * np.cos(3.0 * t_s)
-    seen = seen + 0.05 * np.random.default_rng(1).standard_normal(t_s.size)
-    unknown = np.full((t_s.size, 1), np.nan)
-    clip = Trajectory(t_s, (Quantity("U", "V"),), seen[:, None], unknown, np.ones(t_s.size, dtype=bool))
+    clip = seen(t_s, 1.2 + 5.0 * np.exp(-0.1 * t_s) * np.cos(3.0 * t_s), 0.05, Quantity("U", "V"))
     assert select_model(clip).nearest.model == "linear-oscillator"
     found = fit(clip, "linear-oscillator")
     assert {name: found.estimates[name].unit for name in ("stiffness", "rest", "z_0", "vz_0")} == {

@@ -1,6 +1,7 @@
 """What a residual is made of, on the page of a fit: simulated residuals whose parts are known."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -65,3 +66,9 @@ def test_bar_of_several_quantities_says_whose_size_it_gives():
     start = {"gravity": 9.81, "x_0": 0.0, "z_0": 2.0, "vx_0": 3.0, "vz_0": 1.0}
     _, bars = residual_budget(*moved("projectile", start, 0.1))
     assert bars[0].title.startswith("The residual of all, in x: ")
+
+
+def test_residual_of_a_run_that_leaves_the_motion_has_no_budget():
+    trajectory, fitted = moved("pendulum", SWING, 0.0)
+    lost = replace(fitted, predicted=np.zeros_like(fitted.predicted), residual=fitted.predicted + fitted.residual)
+    assert residual_budget(trajectory, lost) == ([], [])

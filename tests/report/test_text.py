@@ -195,7 +195,7 @@ def a_diagnosis(
         sizes=size,
         indistinguishable={"quadratic-drag": ("cubic-stiffness",)} if added else {},
         base=SimpleNamespace(model=MODELS["pendulum"], free=(name,), estimates={name: Estimate(1.0, 0.01, base_unit)}),
-        bases=(SimpleNamespace(explained=0.99),),
+        bases=(SimpleNamespace(follows=True),),
         final=final,
         finals=(final,),
         causes={},

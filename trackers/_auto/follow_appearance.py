@@ -90,12 +90,11 @@ def follow_appearance(
                 f"body {body.name} is found by appearance in {len(detections)} of {len(numbers)} frames"
             )
     origin = {"tracker": "appearance", "bodies": len(bodies), "roi": options.roi, "colour": options.colour}
-    return [
-        replace(
-            track_of(Tracklet(detections), all_detections, body.name, dict(origin)), hand=None
-        )  # it is not looked for
+    tracks = [
+        track_of(Tracklet(detections), all_detections, body.name, dict(origin))
         for body, detections in zip(bodies, tracklets, strict=True)
     ]
+    return [replace(track, hand=None) for track in tracks]  # a hand is not looked for
 
 
 def _seen(view: WorkingView, bodies: Sequence[Body], frame: Frame) -> tuple[int, list[Peaks]]:
